@@ -1,4 +1,4 @@
-//! What a step of each fixed-step baseline costs on scenes of `examples/scenes`.
+//! Cost of a step of each fixed-step baseline on scenes of `examples/scenes`.
 //!
 //! ```text
 //! cargo bench --bench baselines                # all scenes
@@ -20,7 +20,7 @@ use flank::{
 
 const SCENES: [&str; 6] = ["W1a-ss", "W1b-ds", "W1c-ds", "W2b", "W3", "W4"];
 const METHODS: [&str; 5] = ["rk4", "newmark", "generalized-alpha", "verlet", "euler"];
-/// Steps a cycle.
+/// Steps per cycle.
 const STEPS: u64 = 1013;
 const CYCLES: u64 = 20;
 const ROUNDS: usize = 7;

@@ -17,11 +17,11 @@ use rayon::ThreadPoolBuilder;
 
 const ROUNDS: usize = 3;
 
-/// Scene, members, cycles of each.
+/// Scenes, with members and cycles of each.
 const SCENES: [(&str, usize, i64); 4] =
     [("kahraman-singh", 2000, 100), ("W1a-ss", 2000, 100), ("W1a-ds", 2000, 100), ("W3", 128, 50)];
 
-/// Seconds of the best of the rounds.
+/// Returns the seconds of the best of the rounds.
 fn best(mut run: impl FnMut() -> Result<(), Box<dyn Error>>) -> Result<f64, Box<dyn Error>> {
     let mut best = f64::INFINITY;
     for _ in 0..ROUNDS {

@@ -1,12 +1,12 @@
-//! How the cost of a run grows with degrees of freedom, contacts, harmonics and length.
+//! Growth of the cost of a run with degrees of freedom, contacts, harmonics and length.
 //!
 //! ```text
 //! cargo bench --bench growth
 //! cargo bench --bench growth -- --svg docs/growth.svg
 //! ```
 //!
-//! A chain of equal masses between springs, lightly damped; the first mass is driven and meets a compliant wall, and further masses meet
-//! walls of their own where more contacts are asked for. One number is varied at a time. The table has the best of five runs, as every
+//! A chain of equal masses between springs, lightly damped; the first mass is driven and strikes a compliant wall, and further masses
+//! have walls of their own where there are more contacts. One number is varied at a time. The table has the best of five runs, as every
 //! disturbance makes a run longer; the longest run is made once. With `--svg` a chart of it is written too.
 
 use std::{
@@ -31,7 +31,7 @@ const ROUNDS: usize = 5;
 /// Cycles of a run that is made once.
 const LONG: u64 = 10_000_000;
 
-/// What is varied.
+/// Size of a run: the numbers that are varied.
 #[derive(Clone, Copy)]
 struct Size {
     freedoms: usize,
@@ -42,7 +42,7 @@ struct Size {
 
 const USUAL: Size = Size { freedoms: 8, contacts: 1, harmonics: 1, cycles: 200 };
 
-/// The chain: masses of 1 kg, springs of 1 N/m to the neighbours and to the ground, 1 % of that as damping.
+/// Returns the chain: masses of 1 kg, springs of 1 N/m to the neighbours and to the ground, 1 % of that as damping.
 fn chain(size: Size) -> Spec {
     let n = size.freedoms;
     let tridiagonal = |scale: f64| {
@@ -82,7 +82,7 @@ fn chain(size: Size) -> Spec {
     }
 }
 
-/// Seconds of the best run, and its work.
+/// Returns the seconds of the best run, and its work.
 fn run(size: Size) -> Result<(f64, Counters), Box<dyn Error>> {
     let structure = Structure::new(chain(size))?;
     let (from, to) = (structure.clock().at(0, 0.0), structure.clock().at(size.cycles as i64, 0.0));
@@ -100,18 +100,18 @@ fn run(size: Size) -> Result<(f64, Counters), Box<dyn Error>> {
     Ok((best, work))
 }
 
-/// What is varied: its name, and a rise with a power of it that a dashed line through the last point shows.
+/// A varied number: its name, and the rise with a power of it that a dashed line through the last point shows.
 type Varied = (&'static str, Option<Rise>);
 
-/// Name and power.
+/// A rise: its name, and the power of the varied number.
 type Rise = (&'static str, i32);
 
 const PROPORTIONAL: Option<Rise> = Some(("in proportion", 1));
 const SQUARE: Option<Rise> = Some(("as the square", 2));
-/// The least time shown, µs.
+/// Least time shown, µs.
 const LEAST: f64 = 0.5;
 
-/// Time for an event against what is varied, one panel for each.
+/// Draws the time for an event against the varied number, one panel for each.
 fn chart(points: &[(Varied, f64, f64)]) -> Figure {
     let mut panels: Vec<Panel> = Vec::new();
     for points in points.chunk_by(|a, b| a.0 == b.0) {

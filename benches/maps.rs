@@ -27,10 +27,10 @@ const COUNT: usize = 150;
 const VALUES: usize = 400;
 const FREQUENCY: &str = "/train/transmission_error/0/frequency=0.4:2";
 
-/// Does all the work in a folder, and says how much it was.
+/// Name of a command, and its work in a folder, which returns the number of its points.
 type Work<'a> = (&'a str, &'a (dyn Fn(&Path) -> Result<usize, Box<dyn Error>> + Sync));
 
-/// Thousands a second on so many threads.
+/// Returns the rate on `threads` threads, thousands per second.
 fn rate(work: &Work<'_>, threads: usize) -> Result<f64, Box<dyn Error>> {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
     let mut best = 0.0;

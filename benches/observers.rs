@@ -1,12 +1,12 @@
-//! What measures cost beside the integration, on scenes of `examples/scenes`.
+//! Cost of measures beside the integration, on scenes of `examples/scenes`.
 //!
 //! ```text
 //! cargo bench --bench observers                              # the table
 //! cargo bench --bench observers -- W4 contacts               # one run with one measure, for a count of instructions
 //! ```
 //!
-//! Every scene is run once a round with each measure, one after the other, so that a slow spell of the machine falls on all of
-//! them. The table holds the median time of a step without measures, and the medians of the others divided by it.
+//! Every scene is run once per round with each measure, in turn, so that a disturbance of the machine affects all of them. The table holds
+//! the median time of a step without measures, and the medians of the others divided by it.
 
 use std::{
     error::Error,
@@ -26,7 +26,7 @@ const SCENES: [(&str, u64); 6] =
 
 const MEASURES: [&str; 5] = ["none", "contacts", "energy", "transmission", "all"];
 
-/// Rounds whose median is taken; the first one warms up and does not count.
+/// Number of rounds for the median; the first one warms up and is ignored.
 const ROUNDS: usize = 9;
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -74,7 +74,7 @@ fn scene(name: &str, cycles: u64) -> Outcome<Simulation> {
     Ok(Simulation::from_scene(scene)?)
 }
 
-/// Seconds of a run, and its steps.
+/// Returns the seconds of a run, and its steps.
 fn run(simulation: &Simulation, measure: &str) -> Outcome<(f64, u64)> {
     let structure = &simulation.structure;
     let [_, from, end] = simulation.instants();

@@ -1,14 +1,13 @@
-//! What a step, a mode switch and a cycle cost on scenes of `examples/scenes`.
+//! Cost of a step, a mode switch and a cycle on scenes of `examples/scenes`.
 //!
 //! ```text
 //! cargo bench --bench switches                 # all scenes
 //! cargo bench --bench switches -- W3 W4        # some of them
 //! ```
 //!
-//! Every scene is run once a round, one after the other, so that a slow spell of the machine falls on all of them;
-//! the table holds the medians of the rounds. Only the integration is timed, not the reading and building of a scene.
-//! A mode switch is an event or a known stiffness step: its column is the whole time divided by their number, so
-//! it contains the smooth motion between them.
+//! Every scene is run once per round, in turn, so that a disturbance of the machine affects all of them; the table holds the medians of the
+//! rounds. Only the integration is timed, not the reading and building of a scene. A mode switch is an event or a known stiffness step: its
+//! column is the whole time divided by their number, so it contains the smooth motion between them.
 
 use std::{
     error::Error,
@@ -24,7 +23,7 @@ use flank::{
     system::{Start, Structure},
 };
 
-/// Scenes, and the cycles over which they are timed (none: as the scene says).
+/// Scenes, and the cycles over which they are timed (none: those of the scene).
 const SCENES: [(&str, Option<u64>); 9] = [
     ("W1a-ss", Some(1000)),
     ("W1a-ds", Some(1000)),
@@ -37,7 +36,7 @@ const SCENES: [(&str, Option<u64>); 9] = [
     ("reference-light", Some(50)),
 ];
 
-/// Rounds whose median is taken; the first one warms up and does not count.
+/// Number of rounds for the median; the first one warms up and is ignored.
 const ROUNDS: usize = 9;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -86,7 +85,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A scene, ready to run.
+/// Scene, ready to run.
 struct Load {
     name: &'static str,
     structure: Structure,
@@ -109,7 +108,7 @@ impl Load {
         Ok(Self { name, structure, start, run: built.run, cycles })
     }
 
-    /// Seconds of the integration, and the work done.
+    /// Returns the seconds of the integration, and the work done.
     fn run(&self) -> Result<(f64, Counters), Box<dyn Error>> {
         let [at, _, end]: [Instant; 3] = self.run.instants(self.structure.clock());
         let (integrator, _) = build(self.run.method, self.run.tolerance, &self.structure)?;

@@ -1,10 +1,10 @@
-//! What the whole derivative of a motion costs beside the motion, on scenes of `examples/scenes`.
+//! Cost of the whole derivative of a motion beside the motion, on scenes of `examples/scenes`.
 //!
 //! ```text
 //! cargo bench --bench tangent                                # the table
 //! ```
 //!
-//! Cycles are run from a section that the scene has come to, in turn with and without the derivative. Medians count.
+//! Cycles are run from a section that the scene has come to, in turn with and without the derivative. The table holds medians.
 
 use std::{
     error::Error,
@@ -28,7 +28,7 @@ const SCENES: [(&str, u64); 9] = [
 ];
 /// Cycles before, in which a motion leaves its start.
 const BEFORE: u64 = 20;
-/// Rounds whose median is taken; the first one warms up and does not count.
+/// Number of rounds for the median; the first one warms up and is ignored.
 const ROUNDS: usize = 9;
 
 fn main() -> Result<(), Box<dyn Error>> {

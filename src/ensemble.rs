@@ -1,8 +1,8 @@
-//! Many motions of one train, each with the bits that it has alone.
+//! Many motions of one train, each with the bits of a separate run.
 //!
-//! A member is a start, and what is asked of its motion. Members share the compiled train, and those that one thread takes share its
-//! compiled motions, whose series and propagators are pure functions of their modes. So neither neighbours nor order nor the number of
-//! threads change a bit, and memory does not grow with the number of members or with the length of their motions.
+//! A member is a start, with the work on its motion. Members share the compiled train, and those of one thread share its compiled motions,
+//! whose series and propagators are pure functions of their modes. So the bits depend neither on neighbours nor on order nor on the number
+//! of threads. Memory grows neither with the number of members nor with the length of their motions.
 //!
 //! ```
 //! use flank::{Simulation, ensemble::Ensemble};
@@ -36,11 +36,11 @@ use crate::{
     simulation::{Simulation, SimulationError},
 };
 
-/// Members that share an engine at least: forming the motions of a train costs as much as some hundred cycles of it.
+/// Least number of members that share an engine: forming the motions of a train costs as much as some hundred cycles of it.
 const SHARE: usize = 64;
 
-/// Does `work` for all `items` on the threads of the pool it is called in, each `share` of them on one thread, with what it has from
-/// `begin`; hands what comes of it to `take`, in the order of the items. Where `work` gives nothing it ends: no later item is taken.
+/// Does `work` for all `items` on the threads of the current pool, each `share` of them on one thread, with a context from `begin`. Passes
+/// the results to `take`, in the order of the items. If `work` returns nothing it ends: no later item is taken.
 ///
 /// # Errors
 /// The first error of `take`; later items may have been worked on.
@@ -52,7 +52,7 @@ pub fn in_order<C, T: Send, E: Send>(
     take: impl FnMut(usize, T) -> Result<(), E> + Send,
 ) -> Result<(), E> {
     let (claimed, ends) = (AtomicUsize::new(items.start), AtomicBool::new(false));
-    // The next item to be taken, what waits for items before it, who takes, and the first error.
+    // The next item for `take`, results that wait for items before them, the callback, and the first error.
     let desk = Mutex::new((items.start, BTreeMap::<usize, Vec<T>>::new(), take, None));
     rayon::broadcast(|_| {
         let mut context = begin();
@@ -84,7 +84,7 @@ pub fn in_order<C, T: Send, E: Send>(
     desk.into_inner().unwrap_or_else(PoisonError::into_inner).3.map_or(Ok(()), Err)
 }
 
-/// Many motions of one train, run in parallel on the threads of the pool it is called in.
+/// Many motions of one train, run in parallel on the threads of the current pool.
 #[derive(Clone, Copy, Debug)]
 pub struct Ensemble<'a> {
     simulation: &'a Simulation,
@@ -92,14 +92,14 @@ pub struct Ensemble<'a> {
 }
 
 impl<'a> Ensemble<'a> {
-    /// As many `members` of the train of `simulation`, with its integrator and its limits.
+    /// Creates an ensemble of `members` motions of the train of `simulation`, with its integrator and its limits.
     #[must_use]
     pub fn new(simulation: &'a Simulation, members: usize) -> Self {
         Self { simulation, members }
     }
 
-    /// Runs all members: `start` gives where member `i` starts, `follow` takes an engine there as far as it likes and says what it
-    /// has seen, and `take` is handed that, in the order of the members.
+    /// Runs all members: `start` returns the initial state of member `i`, `follow` advances an engine from it as far as needed and returns
+    /// a result, and `take` receives the results in the order of the members.
     ///
     /// # Errors
     /// [`SimulationError::Integrator`], or the error of the first `start` or `take` that has one; members after it may have run.

@@ -1,7 +1,7 @@
 //! Flank simulates gear vibro-impact with exact events.
 //!
-//! A train is a hybrid automaton: in each contact state the motion is smooth and its Taylor series is known; the first
-//! guard that falls through zero on a step is found with a certificate; the automaton jumps, and a new arc starts.
+//! A train is a hybrid automaton. In each contact state the motion is smooth, with a known Taylor series. Flank finds the first guard that
+//! falls through zero on a step, with a certificate; the automaton jumps, and a new arc starts.
 //!
 //! ```
 //! // A ball dropped from 1 m comes to rest after infinitely many bounces, at √(2h/g) (1 + e)/(1 − e).
@@ -24,35 +24,35 @@
 //!
 //! # Modules
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | [`simulation`] | the front door: a [`Simulation`] is a scene, or a train built in Rust, ready to run |
+//! | [`simulation`] | the main interface: a [`Simulation`] is a scene, or a train built in Rust, ready to run |
 //! | [`scene`] | JSON scenes: read, checked, built |
-//! | [`train`] | bodies, pairs, planetary stages, walls: the [`Spec`](system::Spec) that they come to |
+//! | [`train`] | bodies, pairs, planetary stages, walls: their assembly into a [`Spec`](system::Spec) |
 //! | [`system`] | a linear structure with contacts: the automaton, jumps, impacts, energy |
 //! | [`gear`] | one mesh: geometry, phases, stiffness, contact laws |
-//! | [`hybrid`] | the vocabulary: modes, guards, flows, instants, [`HybridSystem`](hybrid::HybridSystem) |
+//! | [`hybrid`] | terms of the automaton: modes, guards, flows, instants, [`HybridSystem`](hybrid::HybridSystem) |
 //! | [`integrate`] | dense steps along a smooth arc: Taylor series, and diffsol's methods behind a feature |
-//! | [`event`] | where the first guard falls on a step, and the record of it |
-//! | [`engine`] | flow, first event, jump, again; observers, outcomes, accumulating impacts |
+//! | [`event`] | the first guard that falls on a step, and its record |
+//! | [`engine`] | repetition of flow, first event and jump; observers, outcomes, accumulating impacts |
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
-//! | [`accuracy`] | the engine and fixed-step penalty codes on one problem: errors against a truth that states its own, charts |
-//! | [`verify`] | a run checked arc by arc, by two other ways to the next event |
+//! | [`accuracy`] | the engine and fixed-step penalty codes on one problem: errors against a reference of stated error, charts |
+//! | [`verify`] | check of a run arc by arc, by two independent methods for the next event |
 //! | [`orbit`] | the derivative of the motion, periodic orbits, multipliers, exponents, words |
-//! | [`branch`] | orbits followed along a number, special points located, curves of them |
-//! | [`map`] | maps over two numbers, basins, diagrams |
-//! | [`ensemble`] | many motions of one train in parallel, each with the bits that it has alone |
-//! | [`sweep`] | the same work at every point of a grid, kept row by row |
-//! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
+//! | [`branch`] | orbits followed along a parameter, special points located, curves of them |
+//! | [`map`] | maps over two parameters, basins, diagrams |
+//! | [`ensemble`] | many motions of one train in parallel, each with the same bits as alone |
+//! | [`sweep`] | the same work at every point of a grid, stored row by row |
+//! | [`study`] | steady motions, their dependence on parameters of a scene, identification of such parameters |
 //!
-//! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and users' own fields) and `plot`
-//! (pictures; part of `cli`), all on by default; the library without them is pure series.
+//! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and user-defined fields) and `plot` (pictures; part
+//! of `cli`), all on by default. Without them the library has only Taylor series and Radau steps.
 //!
 //! # What it is not
 //!
-//! Not a multibody program: structures are linear, directions of contact constant, speeds given. Not a tooth contact
-//! analysis: stiffness and error come in as numbers. No friction. No regularised contact: a penalty method knows no
-//! events. It prints nothing and reads no clock; the same input gives the same numbers.
+//! Flank is no multibody program: structures are linear, directions of contact constant, speeds given. It is no tooth contact analysis:
+//! stiffness and error are input. It has no friction, and no regularised contact, because a penalty method has no events. It prints nothing
+//! and reads no clock; the same input gives the same numbers.
 #![warn(missing_docs)]
 
 pub mod accuracy;
@@ -96,8 +96,8 @@ pub use simulation::Simulation;
 pub use task::{Progress, Task};
 pub use vectors::Instructions;
 
-/// Whether the step rule of old is restored, which does not see what a guard is forced by, without the alarms, leaps and lanes that would
-/// notice or pass it: so a test shows that `--verify` does. Asked for by a variable, which builds without debug assertions ignore.
+/// Returns whether the old step rule is restored, without alarms, leaps and lanes. That rule misses forcing of a guard, so that a test can
+/// show that `--verify` finds the error. Set by an environment variable, which builds without debug assertions ignore.
 fn old_steps() -> bool {
     use std::sync::LazyLock;
     static ASKED: LazyLock<bool> = LazyLock::new(|| std::env::var_os("FLANK_OLD_STEPS").is_some());

@@ -1,4 +1,4 @@
-//! Cancelling and watching long work.
+//! Cancellation and progress of long work.
 
 use std::{
     fmt,
@@ -6,7 +6,7 @@ use std::{
     sync::atomic::{AtomicBool, Ordering},
 };
 
-/// How far work has come.
+/// Progress of work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress {
     /// One more unit is done: a scene of a study, a row of a sweep, a run of a map, an orbit of a branch.
@@ -15,7 +15,7 @@ pub enum Progress {
     Share(f64),
 }
 
-/// A handle on long work: a flag that cancels it and a callback that hears of its progress.
+/// A handle on long work: a flag that cancels it and a callback that receives its progress.
 #[derive(Clone, Copy)]
 pub struct Task<'a> {
     cancelled: &'a AtomicBool,
@@ -23,19 +23,19 @@ pub struct Task<'a> {
 }
 
 impl<'a> Task<'a> {
-    /// Work that ends soon after `cancelled` is set and reports to `progress`, from any thread.
+    /// Returns a task that ends soon after `cancelled` is set and reports to `progress`, from any thread.
     #[must_use]
     pub fn new(cancelled: &'a AtomicBool, progress: &'a (dyn Fn(Progress) + Sync)) -> Self {
         Self { cancelled, progress }
     }
 
-    /// The same work without reports of its progress.
+    /// Returns the same task without reports of its progress.
     #[must_use]
     pub fn silent(self) -> Self {
         Self { progress: &|_| (), ..self }
     }
 
-    /// Whether the work was cancelled.
+    /// Returns whether the work was cancelled.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Ordering::Relaxed)
@@ -57,7 +57,7 @@ impl<'a> Task<'a> {
     }
 }
 
-/// Work that nobody cancels or watches.
+/// Work without cancellation or reports.
 impl Default for Task<'_> {
     fn default() -> Self {
         static NEVER: AtomicBool = AtomicBool::new(false);

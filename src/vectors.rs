@@ -1,8 +1,8 @@
-//! The instructions that vector code uses: chosen at run time, once for a train.
+//! Instruction sets of vector code, chosen at run time, once for a train.
 //!
-//! The code is written once, over plain arrays, and compiled for each set of instructions. A set has its own rounding: one that
-//! multiplies and adds in one instruction rounds once where another one rounds twice. So a run names its set, and what is compiled for one
-//! set gives the same bits on every machine that has it.
+//! The code is written once, over plain arrays, and compiled for each set of instructions. A set has its own rounding: a fused multiply-add
+//! rounds once, where two instructions round twice. So a run names its set, and code compiled for one set gives the same bits on every
+//! machine that has it.
 
 use std::{fmt, sync::OnceLock};
 
@@ -17,11 +17,11 @@ enum Set {
     Avx2(pulp::x86::V3),
 }
 
-/// What every processor of its architecture has.
+/// Set of instructions that every processor of its architecture has.
 #[derive(Clone, Copy)]
 pub(crate) struct Baseline;
 
-/// Its name.
+/// Name of the baseline set.
 const BASELINE: &str = if cfg!(target_arch = "x86_64") {
     "sse2"
 } else if cfg!(target_arch = "aarch64") {
@@ -30,52 +30,52 @@ const BASELINE: &str = if cfg!(target_arch = "x86_64") {
     "portable"
 };
 
-/// Proof that the processor has a set, and the way into code compiled for it.
+/// Proof that the processor has a set, and the entry into code compiled for it.
 pub(crate) trait Path: Copy {
-    /// Whether `a b + c` is one instruction, rounded once.
+    /// True if `a b + c` is one instruction, rounded once.
     const IS_FUSED: bool;
 
-    /// Four numbers side by side: a register, where the set has one as wide.
+    /// Four numbers side by side: a register, if the set has one that wide.
     type Four: Copy;
 
     /// Does `work`, compiled for the set as far as it is inlined.
     fn run<W: Work>(self, work: W) -> W::Output;
 
-    /// Four numbers.
+    /// Returns four numbers as one vector.
     fn four(self, x: [f64; 4]) -> Self::Four;
 
-    /// One number four times.
+    /// Returns one number in all four places.
     fn all(self, x: f64) -> Self::Four;
 
-    /// The numbers.
+    /// Returns the numbers of a vector.
     fn numbers(self, x: Self::Four) -> [f64; 4];
 
-    /// `a b`, each.
+    /// Returns `a b`, element by element.
     fn times(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
-    /// `a + b`, each.
+    /// Returns `a + b`, element by element.
     fn plus(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
-    /// `a − b`, each.
+    /// Returns `a − b`, element by element.
     fn minus(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
-    /// `a / b`, each.
+    /// Returns `a / b`, element by element.
     fn over(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
-    /// `|a|`, each.
+    /// Returns `|a|`, element by element.
     fn sizes(self, a: Self::Four) -> Self::Four;
 
-    /// The larger one, each; b where a is NaN.
+    /// Returns the larger element of each pair; b where a is NaN.
     fn larger(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
-    /// As [`fused`], each.
+    /// Returns `a b + c` element by element, rounded as by [`fused`].
     fn fused(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
 
-    /// Whether `a > b`, each a bit, the first the lowest.
+    /// Returns a bit for each element, set if `a > b`; the lowest bit is the first element.
     fn above(self, a: Self::Four, b: Self::Four) -> u32;
 }
 
-/// `f` of four pairs.
+/// Applies `f` to four pairs.
 #[inline(always)]
 fn zip(a: [f64; 4], b: [f64; 4], f: impl Fn(f64, f64) -> f64) -> [f64; 4] {
     std::array::from_fn(|l| f(a[l], b[l]))
@@ -215,7 +215,7 @@ impl Path for pulp::x86::V3 {
     }
 }
 
-/// A closure would be a function of its own, compiled for the baseline.
+/// A closure would be a separate function, compiled for the baseline.
 #[cfg(target_arch = "x86_64")]
 struct OnAvx2<W>(pulp::x86::V3, W);
 
@@ -231,22 +231,22 @@ impl<W: Work> pulp::NullaryFnOnce for OnAvx2<W> {
 
 /// Work that is compiled once for each set.
 pub(crate) trait Work {
-    /// What comes of it.
+    /// Result of the work.
     type Output;
 
-    /// Does it, compiled for the set of `path`.
+    /// Does the work, compiled for the set of `path`.
     fn on<P: Path>(self, path: P) -> Self::Output;
 }
 
-/// The set that was chosen for all trains of this process.
+/// The set chosen for all trains of this process.
 static CHOSEN: OnceLock<Instructions> = OnceLock::new();
 
 impl Instructions {
-    /// The names of all sets: `avx2`, AVX2 and FMA, which x86-64 processors have had since 2013; what all x86-64 processors (`sse2`), all
-    /// ARM processors of 64 bits (`neon`) and all others have.
+    /// Names of all sets: `avx2` is AVX2 and FMA, in x86-64 processors since 2013. The others are what all x86-64 processors (`sse2`), all
+    /// 64-bit ARM processors (`neon`) and all other processors have.
     pub const NAMES: [&str; 4] = ["avx2", "sse2", "neon", "portable"];
 
-    /// The best that this processor has, or what the process was told to use.
+    /// Returns the best set of this processor, or the set chosen for the process.
     #[must_use]
     pub fn best() -> Self {
         CHOSEN.get().copied().or_else(|| Self::named("avx2")).unwrap_or(Self(Set::Baseline(Baseline)))
@@ -257,7 +257,7 @@ impl Instructions {
         let _ = CHOSEN.set(self);
     }
 
-    /// The set of this name; `None` where the processor does not have it.
+    /// Returns the set of this name; `None` if the processor does not have it.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         match name {
@@ -268,7 +268,7 @@ impl Instructions {
         }
     }
 
-    /// Its name.
+    /// Returns the name of the set.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self.0 {
@@ -278,7 +278,7 @@ impl Instructions {
         }
     }
 
-    /// Does `work` by these instructions.
+    /// Does `work` with these instructions.
     #[inline(always)]
     pub(crate) fn run<W: Work>(self, work: W) -> W::Output {
         match self.0 {
@@ -301,7 +301,7 @@ impl PartialEq for Instructions {
     }
 }
 
-/// `a b + c`, in one instruction where there is one.
+/// Returns `a b + c`, in one instruction where the set has one.
 #[inline(always)]
 pub(crate) fn fused<P: Path>(a: f64, b: f64, c: f64) -> f64 {
     if P::IS_FUSED { a.mul_add(b, c) } else { a * b + c }

@@ -1,4 +1,4 @@
-//! Properties that readers of files have for any bytes. `tests/readers.rs` tries them too.
+//! Properties that readers of files have for any bytes. `tests/house/readers.rs` tries them too.
 
 use flank::{
     import::{ImportError, Options, import},

@@ -14,7 +14,7 @@ use crate::{
     system::{ContactSpec, Structure},
 };
 
-/// What solves.
+/// Kinds of solvers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
     /// A fixed-step method.
@@ -28,27 +28,27 @@ pub enum Kind {
 /// A way to solve a problem.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contender {
-    /// Its word: see [`Contender::parse`].
+    /// Word that names it: see [`Contender::parse`].
     pub name: String,
-    /// What solves.
+    /// Solver.
     pub kind: Kind,
-    /// How the flank is smoothed (baselines).
+    /// Smoothing of the flanks, used by baselines alone.
     pub ramp: Ramp,
-    /// How crossings are placed between samples (baselines).
+    /// Interpolation of crossings between samples, used by baselines alone.
     pub interpolation: Interpolation,
 }
 
-/// How finely.
+/// Resolution of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Setting {
-    /// Steps a cycle, of fixed-step methods.
+    /// Steps per cycle of a fixed-step method.
     StepsPerCycle(u64),
     /// Relative tolerance.
     Tolerance(f64),
-    /// Error of an event's time that each arc may add, of the cycle.
+    /// Error that each arc may add to the time of an event, as a share of the cycle.
     EventTolerance(f64),
-    /// To round-off: nothing to set.
+    /// Full precision, to round-off.
     RoundOff,
 }
 
@@ -63,7 +63,7 @@ impl fmt::Display for Setting {
     }
 }
 
-/// What a run gave.
+/// Results of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Performance {
     /// Passages of flanks.
@@ -74,20 +74,20 @@ pub struct Performance {
     pub peak: Vec<f64>,
     /// Mechanical energy at the sections, J.
     pub energy: Vec<f64>,
-    /// Work done; of the engine its steps alone.
+    /// Work done; for the engine, the number of steps alone.
     pub work: Counters,
-    /// Why it stopped before the end, if it did.
+    /// Reason for a stop before the end, if it stopped early.
     pub stopped: Option<String>,
 }
 
-/// What the engine is run at, coarse to fine.
+/// Event tolerances at which the engine is run, coarse to fine.
 const EVENT_TOLERANCES: [f64; 4] = [1e-3, 1e-5, 1e-7, 1e-9];
 
 const WORDS: &str = "rk4, newmark, hht[=ALPHA], generalized-alpha[=RHO], euler, verlet, tsit45, esdirk34, bdf, flank, \
                      flank-explicit, flank-sdirk, flank-bdf; after a baseline +cubic, +tanh=SIGMA, +sqrt=SIGMA, +poly=SIGMA";
 
 impl Contender {
-    /// The contender a word names: a method, for baselines with what is added to it.
+    /// Parses the word of a contender: a method, followed for baselines by options with `+`.
     ///
     /// | word | method |
     /// |---|---|
@@ -152,7 +152,7 @@ impl Contender {
         Ok(Self { name: word.to_owned(), kind, ramp, interpolation })
     }
 
-    /// Whether it can solve a train at all: adaptive solvers need a force at every contact, and a build that has them.
+    /// Returns whether it can solve a train: adaptive solvers need the feature `diffsol`, and exclude rigid contacts.
     #[must_use]
     pub fn applies_to(&self, structure: &Structure) -> bool {
         let is_rigid = |c: &ContactSpec| matches!(c.law, Law::Rigid(_));
@@ -205,7 +205,7 @@ impl Contender {
         Ok(Performance { passages, sections, peak, energy, work, stopped })
     }
 
-    /// Solves `problem` over `cycles` and records its events alone, as a user would: this is what is timed. Gives their number.
+    /// Solves `problem` over `cycles`, records events alone, as a user would, and returns their number. Costs are timed on this function.
     ///
     /// # Errors
     /// As [`perform`](Self::perform).
@@ -218,12 +218,12 @@ impl Contender {
         }
         let model = Penalty::new(problem.structure(), self.ramp);
         let mut crossings = Crossings::new(&model, self.interpolation);
-        // One that breaks down has done its work up to there.
+        // A run that breaks down counts with the crossings found until then.
         let _ = self.drive(&model, problem, cycles, setting, &mut crossings);
         Ok(crossings.found.len())
     }
 
-    /// Grid points a cycle: an adaptive solver is asked for the starts of cycles, and sampled at its own steps besides.
+    /// Returns the grid points per cycle. An adaptive solver has one, the start of the cycle, and is also sampled at its own steps.
     fn per_cycle(&self, setting: Setting) -> u64 {
         if let Setting::StepsPerCycle(n) = setting { n } else { 1 }
     }
@@ -252,7 +252,7 @@ impl Contender {
     }
 }
 
-/// The engine with a setting.
+/// Returns the engine with a setting.
 fn within<'s>(problem: &Problem<'s>, choice: Choice, setting: Setting) -> Result<Engine<'s>, IntegrateError> {
     let (event_tolerance, other) = match setting {
         Setting::Tolerance(tolerance) => (0.0, Some((choice, tolerance))),
@@ -270,7 +270,7 @@ fn engine(problem: &Problem<'_>, cycles: u64, choice: Choice, setting: Setting) 
     let mut run = Performance::default();
     for k in 0..=cycles {
         let at = problem.section(k);
-        // Where it starts nothing has to be run.
+        // The first section is the start itself.
         if k > 0
             && let Err(error) = engine.run(at, &mut watch)
         {

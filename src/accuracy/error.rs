@@ -6,7 +6,7 @@ use crate::{
     train::TrainError,
 };
 
-/// Why a comparison cannot be made.
+/// Errors of a comparison.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AccuracyError {
@@ -16,7 +16,7 @@ pub enum AccuracyError {
     /// A run that cannot be compared.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
-    /// An integrator is not to be had.
+    /// An integrator is not available.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
     /// A start, or a disturbed one, is refused.
@@ -28,7 +28,7 @@ pub enum AccuracyError {
     /// A changed train has no equilibrium to start from.
     #[error("the changed train has no equilibrium to start from: {0}")]
     Equilibrium(#[from] TrainError),
-    /// Nothing happens that could be compared.
+    /// The run has no events that could be compared.
     #[error("no contact opens or closes in the {cycles} cycles of the run: there are no events to compare")]
     NoEvents {
         /// Cycles run.
@@ -40,7 +40,7 @@ pub enum AccuracyError {
          (run.period_s), a start nearer to the steady motion, or allow more growth"
     )]
     NoWindow {
-        /// What was found: a factor, or that neighbouring runs have other events.
+        /// Growth found, in words: a factor, or the note that neighbouring runs have other events.
         growth: String,
     },
     /// The engine's own run, cut into other steps, has other events.
@@ -57,7 +57,7 @@ pub enum AccuracyError {
     Word {
         /// The word.
         word: String,
-        /// What is wrong, and what is known.
+        /// Description of the fault, with the known words or allowed values.
         problem: String,
     },
 }

@@ -1,4 +1,4 @@
-//! The order a method shows, and why it is not the one it was built for.
+//! Observed order of a fixed-step method, and the reason for a difference from its order on smooth problems.
 
 use serde::Serialize;
 
@@ -12,7 +12,7 @@ use crate::{
     system::{ContactSpec, Structure},
 };
 
-/// How rough the right-hand side of a train is where a fixed step runs across an event.
+/// Roughness of the right-hand side of a train where a fixed step crosses an event, roughest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Roughness {
@@ -31,7 +31,7 @@ pub enum Roughness {
 }
 
 impl Roughness {
-    /// The roughest thing a train has.
+    /// Returns the largest roughness among the contacts of a train.
     #[must_use]
     pub fn of(structure: &Structure) -> Self {
         let jumps = |before: f64, after: f64| (after - before).abs() > 1e-9 * after.abs();
@@ -65,7 +65,7 @@ impl Roughness {
         contacts.min().unwrap_or(Self::Closed)
     }
 
-    /// The largest order of event times that a step across such a place leaves, and the reason in words.
+    /// Returns the highest order of event times that is possible with steps across such places, and the reason in words.
     fn limit(self, structure: &Structure) -> (f64, &'static str) {
         match self {
             Self::Impact => (1.0, "velocities jump at impacts, which are found at the ends of steps"),
@@ -84,7 +84,7 @@ impl Roughness {
     }
 }
 
-/// The order seen on the finest steps, the one expected, and why.
+/// Order observed on the finest steps, order expected, and the reason for a difference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Order {
     /// Slope of `log error` against `log step`, fitted to the finest five runs that are right and above rounding; absent for
@@ -92,13 +92,13 @@ pub struct Order {
     pub observed: Option<f64>,
     /// Order of the method on smooth problems.
     pub smooth: u32,
-    /// The order that the train leaves of it.
+    /// Order expected for the train, at most that on smooth problems.
     pub expected: f64,
-    /// What limits it here.
+    /// Reason for a lower order, in words; empty if there is none.
     pub reason: String,
 }
 
-/// Errors below this many times the truth's own are not told from it.
+/// Multiple of the error of the reference below which errors are not resolved.
 const RESOLVED: f64 = 10.0;
 
 impl Order {
@@ -133,7 +133,7 @@ impl Order {
     }
 }
 
-/// Runs that an order is fitted to: where in a step a flank falls scatters single errors by a factor of a few.
+/// Number of runs to which an order is fitted: the place of a flank within a step scatters single errors by a factor of a few.
 const FITTED: usize = 5;
 
 fn slope(runs: &[(u64, f64)]) -> Option<f64> {
@@ -151,10 +151,10 @@ fn slope(runs: &[(u64, f64)]) -> Option<f64> {
     Some(-xy / xx)
 }
 
-/// Cost at which a contender's error falls below `target`, from its runs `(error, cost)`, coarse to fine; a run whose sequence
-/// of events is wrong has no error. The cost is that of the first of the finest runs that all stay below, or lies between it and the
-/// run before, on the straight line through their logarithms, if that one is right too. The second number tells whether it was
-/// reached; if not, the cost of the finest run, if it is right, grows with the steps that `order` asks for.
+/// Returns the cost at which a contender's error falls below `target`, from its runs `(error, cost)`, coarse to fine; a run whose
+/// sequence of events is wrong has no error. The cost is that of the first of the finest runs that all stay below, or lies between it and
+/// the run before, on the straight line through their logarithms, if that run is right too. The second value is true if the target was
+/// reached; if not, the cost of the finest run, if it is right, is extrapolated by `order`.
 #[must_use]
 pub fn reached(runs: &[(Option<f64>, f64)], target: f64, order: Option<f64>) -> Option<(f64, bool)> {
     let below = runs.iter().rev().take_while(|(e, _)| e.is_some_and(|e| e <= target)).count();

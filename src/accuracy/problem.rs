@@ -11,12 +11,12 @@ use crate::{
     system::Structure,
 };
 
-/// What is solved: a simulation over whole cycles, without the limits of its run.
+/// Initial value problem: a simulation over whole cycles, without the limits of its run.
 #[derive(Clone, Debug)]
 pub struct Problem<'s> {
     /// The train and the integrator of the engine.
     pub simulation: &'s Simulation,
-    /// Where it starts.
+    /// State at the start.
     pub start: State,
     /// Length of a cycle T, s: the unit of times and the distance of sections.
     pub period: f64,
@@ -24,7 +24,7 @@ pub struct Problem<'s> {
     pub cycles: u64,
 }
 
-/// Cycles of a problem that names none, at most.
+/// Most cycles of a problem for which no number is given.
 const CYCLES: u64 = 50;
 
 impl<'s> Problem<'s> {
@@ -32,7 +32,7 @@ impl<'s> Problem<'s> {
     /// without a period is one cycle.
     ///
     /// # Errors
-    /// [`SimulationError`] if the run cannot start, or if a mesh has a back flank of its own: fixed-step codes take one error for both flanks.
+    /// [`SimulationError`] if the run cannot start, or if a mesh has its own back flank: fixed-step codes take one error for both flanks.
     pub fn new(simulation: &'s Simulation, cycles: Option<u64>) -> Result<Self, SimulationError> {
         if let Some(contact) = simulation.structure.spec().contacts.iter().find(|contact| contact.back.is_some()) {
             return Err(simulation.missing(format!(
@@ -69,7 +69,7 @@ impl<'s> Problem<'s> {
         self.engine_within(0.0, start, other)
     }
 
-    /// The same with events of which each may be off by `event_tolerance`, see [`Options::event_tolerance`].
+    /// Returns an engine as [`engine`](Self::engine) does, with an error of event times: see [`Options::event_tolerance`].
     pub(super) fn engine_within(
         &self,
         event_tolerance: f64,
@@ -83,7 +83,7 @@ impl<'s> Problem<'s> {
         Ok(Engine::new(self.structure(), integrator, options, start))
     }
 
-    /// The start of cycle `k`, counted from the start; on a clock of the same period exactly.
+    /// Returns the start of cycle `k`, counted from the start of the problem; exact on a clock of the same period.
     pub(super) fn section(&self, k: u64) -> Instant {
         let clock = self.clock();
         let own = clock.period().filter(|t| (t.value() - self.period).abs() <= 1e-14 * self.period);
@@ -99,12 +99,12 @@ impl<'s> Problem<'s> {
     }
 }
 
-/// Every passage of a flank, as [`baseline::Crossings`](crate::baseline::Crossings) sees them: of a rigid contact its strikes.
+/// Passages of flanks, as [`baseline::Crossings`](crate::baseline::Crossings) records them; for a rigid contact, its impacts.
 #[derive(Clone, Debug)]
 pub(super) struct Passages<'p> {
     problem: &'p Problem<'p>,
     pub found: Vec<Crossing>,
-    /// Uncertainty of each, s.
+    /// Uncertainty of the time of each passage, s.
     pub uncertainty: Vec<f64>,
     /// Largest coordinate and largest velocity at events.
     pub sizes: [f64; 2],
@@ -148,8 +148,8 @@ impl Observer for Passages<'_> {
     }
 }
 
-/// How long each contact is between its flanks up to `end`, s, from its passages. A rigid contact, whose strikes have no
-/// duration, counts as open throughout.
+/// Returns the time that each contact is between its flanks up to `end`, s, from its passages. A rigid contact, whose impacts have
+/// no duration, keeps its state at the start throughout.
 pub(super) fn time_apart(passages: &[Crossing], closed_at_start: &[bool], rigid: &[bool], end: f64) -> Vec<f64> {
     let mut open_since: Vec<Option<f64>> = closed_at_start.iter().map(|c| (!c).then_some(0.0)).collect();
     let mut apart = vec![0.0; closed_at_start.len()];

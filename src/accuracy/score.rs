@@ -1,4 +1,4 @@
-//! How far a solution is from the truth.
+//! Errors of a solution against the reference solution.
 
 use serde::Serialize;
 
@@ -10,9 +10,9 @@ use crate::baseline::Crossing;
 pub struct Score {
     /// Largest error of an event time over the events that were found, periods; absent if none was.
     pub event_time: Option<f64>,
-    /// Events of the truth that were not found (within 2 % of a period).
+    /// Events of the reference that were not found within 2 % of a period.
     pub missed: usize,
-    /// Events found that are none.
+    /// Events found that the reference does not have.
     pub spurious: usize,
     /// Largest error of a contact's time apart, over the window's length; absent where all are rigid.
     pub apart: Option<f64>,
@@ -55,7 +55,7 @@ impl Score {
         Self { event_time, missed, spurious, apart, state, peak_force, energy }
     }
 
-    /// Whether the sequence of events is right: none missed, none spurious.
+    /// Returns whether the sequence of events is right: none missed, none spurious.
     #[must_use]
     pub fn is_right(&self) -> bool {
         self.missed == 0 && self.spurious == 0
@@ -64,15 +64,15 @@ impl Score {
 
 /// Events further apart than this share of a period are not the same event.
 const GATE: f64 = 0.02;
-/// Nor are events further apart than this share of the way to the next passage of the same kind.
+/// Events further apart than this share of the time to the next passage of the same kind are not the same event either.
 const NEIGHBOUR: f64 = 0.45;
 
 fn kind(c: &Crossing) -> (usize, bool, bool) {
     (c.contact, c.back, c.closing)
 }
 
-/// Pairs of events of the same kind, in order; how many of `truth` and how many of `other` have no partner. Events within
-/// the gate of `end` need none: they may fall on the other side of it.
+/// Returns the pairs of events of the same kind, in order, and the numbers of events of `truth` and of `other` without a partner.
+/// Events within the gate of `end` need no partner, as the partner may lie beyond `end`.
 pub(super) fn pairs<'a>(
     truth: &'a [Crossing],
     other: &'a [Crossing],
@@ -103,7 +103,7 @@ pub(super) fn pairs<'a>(
     (matched, missed, spurious)
 }
 
-/// The largest, if there are any.
+/// Returns the largest of the errors, if there are any.
 fn largest(errors: impl Iterator<Item = f64>) -> Option<f64> {
     errors.fold(None, |most: Option<f64>, e| Some(most.map_or(e, |m| m.max(e))))
 }

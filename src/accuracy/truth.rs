@@ -1,4 +1,4 @@
-//! A solution that says how far it can be trusted.
+//! Reference solution of the engine, with an estimate of its own error.
 
 use serde::Serialize;
 
@@ -15,7 +15,7 @@ use crate::{
     integrate::Choice,
 };
 
-/// Where errors can be compared: before the motion itself amplifies them.
+/// Window of cycles in which errors can be compared, before the motion itself amplifies them.
 ///
 /// The variational growth is measured on neighbouring runs: their starts differ by a billionth of the motion's size, each in
 /// another direction, and the shift of their events, in periods, over that billionth is the growth. The window ends with
@@ -24,16 +24,16 @@ use crate::{
 pub struct Window {
     /// Whole cycles from the start.
     pub cycles: u64,
-    /// Largest growth in it: an error of 1 in the start shifts an event by so many periods.
+    /// Largest growth in the window: shift of an event, periods, over the relative error of the start.
     pub growth: f64,
-    /// The run was longer, and the window was cut where growth passed the limit.
+    /// True if the run was longer, and the window was cut where growth passed the limit.
     pub cut: bool,
 }
 
-/// The engine's solution.
+/// Reference solution, computed by the engine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Truth {
-    /// Where it can be compared.
+    /// Window in which it can be compared.
     pub window: Window,
     /// Passages of flanks in the window, in order.
     pub passages: Vec<Crossing>,
@@ -54,9 +54,9 @@ pub struct Truth {
     pub peak: Vec<f64>,
     /// Mechanical energy at each section, J.
     pub energy: Vec<f64>,
-    /// Whether each contact is closed at the start.
+    /// For each contact, true if it is closed at the start.
     pub closed: Vec<bool>,
-    /// Whether each contact is rigid.
+    /// For each contact, true if it is rigid.
     pub rigid: Vec<bool>,
 }
 
@@ -114,7 +114,7 @@ impl Truth {
         Ok(Self { independent, ..truth })
     }
 
-    /// The same without the independent run, of a motion that need not have events.
+    /// Solves `problem` as [`find`](Self::find) does, without the independent run; the motion may have no events.
     pub(super) fn quick(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
         let (passages, mut sections) = pass(problem, problem.start.clone(), problem.cycles, 1, None)?;
         let sizes = passages.sizes.map(|s| s.max(f64::MIN_POSITIVE));
@@ -125,7 +125,7 @@ impl Truth {
         found.truncate(count);
         sections.truncate(window.cycles as usize + 1);
 
-        // The same solution again, cut into other steps.
+        // The control run: the same solution, cut into other steps.
         let (control, _) = pass(problem, problem.start.clone(), window.cycles, PIECES, None)?;
         let stated = passages.uncertainty[..count].iter().fold(0.0, |m: f64, u| m.max(*u)) / problem.period;
         let error = shift(problem, &found, &control.found, window.cycles).map_or(f64::INFINITY, |s| s.max(stated))

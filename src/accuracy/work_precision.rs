@@ -14,33 +14,33 @@ use crate::{
 
 /// Errors at which costs are compared, periods.
 pub(super) const TARGETS: [f64; 3] = [1e-3, 1e-6, 1e-9];
-/// The word of Flank itself.
+/// Word of the contender that is Flank itself.
 const FLANK: &str = "flank";
-/// Flank is run this long in each repetition, s, so that a clock can tell.
+/// Least time of the runs in each repetition, s, so that a clock resolves it.
 const MEASURABLE: f64 = 3e-3;
 /// Longest time for one setting, repetitions and all, s.
 const PATIENCE: f64 = 6.0;
 
-/// What one contender's runs come to.
+/// Summary of the runs of one contender.
 #[derive(Clone, Debug)]
 pub struct ContenderSummary {
-    /// The contender.
+    /// Name of the contender.
     pub name: String,
-    /// Order seen and expected, where one can be told.
+    /// Observed and expected order; none for a contender without a fixed step.
     pub order: Option<Order>,
-    /// Steps a cycle below which it is unstable with every mesh closed, if it is anywhere.
+    /// Steps per cycle below which it is unstable with every mesh closed; none without a stability limit.
     pub stable: Option<f64>,
-    /// For each of the errors 1e-3, 1e-6 and 1e-9 T: cost over that of Flank for this error, or at full precision where it does not
-    /// take part, and whether it was reached.
+    /// For each of the errors 1e-3, 1e-6 and 1e-9 T: cost relative to that of Flank for this error, or at full precision where Flank is
+    /// no contender; and true if the error was reached.
     pub ratios: [Option<(f64, bool)>; 3],
 }
 
-/// Times of one run and of Flank's in turn with it, s a cycle, and the median of their ratios.
+/// Median times of one run and of a run of Flank in turn with it, s per cycle, and the median of their ratios.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct RunTime {
-    /// Of the run.
+    /// Time of the run, s per cycle.
     pub seconds_per_cycle: f64,
-    /// Of Flank's.
+    /// Time of the run of Flank, s per cycle.
     pub flank_seconds_per_cycle: f64,
     /// Median of the ratios.
     pub ratio: f64,
@@ -51,22 +51,22 @@ pub struct RunTime {
 /// One run of one contender.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row<'a> {
-    /// Which contender.
+    /// Contender that was run.
     pub contender: &'a Contender,
-    /// How finely.
+    /// Resolution of the run.
     pub setting: Setting,
-    /// How far from the truth.
+    /// Errors against the reference.
     pub score: Score,
-    /// Work over the window; of the engine its steps alone.
+    /// Work over the window; for the engine, the number of steps alone.
     pub work: Counters,
-    /// Its time and Flank's.
+    /// Time of the run and that of Flank.
     pub time: RunTime,
-    /// Why it stopped before its end, if it did.
+    /// Reason for a stop before the end, if it stopped early.
     pub stopped: Option<String>,
 }
 
 impl Row<'_> {
-    /// Evaluations of the contact forces; none of the engine, which expands series.
+    /// Returns the evaluations of the contact forces; none for the engine, which expands series.
     pub(super) fn evaluations(&self) -> Option<u64> {
         (!matches!(self.contender.kind, Kind::Engine(_))).then_some(self.work.evaluations)
     }
@@ -199,7 +199,7 @@ impl<'a> WorkPrecision<'a> {
             ContenderSummary { name: contender.name.clone(), order, stable: self.stable_steps(contender), ratios }
         };
         let mut all: Vec<ContenderSummary> = self.contenders.iter().map(of).collect();
-        // Beside what Flank takes for the same error.
+        // Relative to the cost of Flank for the same error.
         let own = all.iter().find(|s| s.name == FLANK).map_or([None; 3], |s| s.ratios);
         for ratios in all.iter_mut().map(|s| &mut s.ratios) {
             ratios.iter_mut().zip(own).for_each(|(r, own)| *r = r.map(|(c, at)| (c / own.map_or(1.0, |o| o.0), at)));
@@ -214,7 +214,7 @@ impl<'a> WorkPrecision<'a> {
         Some(omega * self.problem.period / limit)
     }
 
-    /// A setting, marked where it is beyond the limit.
+    /// Returns the setting of a run in words, marked if it is beyond the stability limit.
     fn setting(&self, row: &Row<'_>) -> String {
         let unstable = match (row.setting, self.stable_steps(row.contender)) {
             (Setting::StepsPerCycle(n), Some(stable)) => (n as f64) < stable,
@@ -233,7 +233,7 @@ impl<'a> WorkPrecision<'a> {
             .min_by(|a, b| (!a.2, a.1).partial_cmp(&(!b.2, b.1)).unwrap_or(std::cmp::Ordering::Equal))
     }
 
-    /// Says what the reference is, and in which window it holds.
+    /// Describes the reference and the window in which it holds.
     #[must_use]
     pub fn reference(&self) -> Vec<String> {
         let Truth { window, error, independent, passages, .. } = &self.truth;
@@ -262,7 +262,7 @@ impl<'a> WorkPrecision<'a> {
         ]
     }
 
-    /// Says what the best fixed-step method costs at each error.
+    /// Describes the cost of the best fixed-step method at each error.
     #[must_use]
     pub fn verdicts(&self, summaries: &[ContenderSummary]) -> Vec<String> {
         let best = (0..TARGETS.len()).map(|i| self.best(summaries, i).map(|(s, cost, at)| (&s.name, times(cost), at)));
@@ -283,7 +283,7 @@ impl<'a> WorkPrecision<'a> {
         best.zip(TARGETS).map(say).collect()
     }
 
-    /// One line for each run.
+    /// Returns a table with one line for each run.
     #[must_use]
     pub fn run_table(&self) -> Table {
         let head = [
@@ -309,7 +309,7 @@ impl<'a> WorkPrecision<'a> {
                 row.contender.name.clone(),
                 self.setting(row),
                 match s.event_time {
-                    // The reference beside itself: its error is what it states.
+                    // The reference against itself: its error is its own estimate.
                     Some(e) if row.contender.kind == Kind::Engine(Choice::Auto) && row.setting == Setting::RoundOff => {
                         format!("≤ {}", small(e.max(self.truth.error)))
                     }
@@ -330,7 +330,7 @@ impl<'a> WorkPrecision<'a> {
         Table::new(head).with(rows)
     }
 
-    /// One line for each contender; the last column says why the order falls short.
+    /// Returns a table with one line for each contender; the last column states the reason for a lower order.
     #[must_use]
     pub fn order_table(&self, summaries: &[ContenderSummary]) -> Table {
         let ratio = |r: &Option<(f64, bool)>| match r {
@@ -368,12 +368,12 @@ impl<'a> WorkPrecision<'a> {
     }
 }
 
-/// A growth, as written.
+/// Returns a growth as text.
 pub(super) fn fold(growth: f64) -> String {
     if growth < 10.0 { format!("{growth:.1}") } else { format!("{growth:.0}") }
 }
 
-/// A time or a ratio of times: three digits are more than it is known to.
+/// Returns a time or a ratio of times with three digits, which is more than its accuracy.
 fn times(x: f64) -> String {
     if !(0.01..1e5).contains(&x) {
         return format!("{x:.2e}");
@@ -382,7 +382,7 @@ fn times(x: f64) -> String {
     format!("{x:.decimals$}")
 }
 
-/// The median of values, of which there is one at least.
+/// Returns the median of at least one value.
 #[must_use]
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);

@@ -17,14 +17,14 @@ use crate::{
     system::{Bearing, BearingSpring, Structure},
 };
 
-/// Measures the force of every bearing, `k s + c ṡ` in each of its directions with the stretch `s = d·q`: of the body on what carries it.
+/// Measures the force of every bearing on its support, `k s + c ṡ` in each of its directions with the stretch `s = d·q`.
 #[derive(Clone, Debug)]
 pub struct Bearings<'s> {
     bearings: &'s [Bearing],
     clock: Clock,
     from: Option<Instant>,
     piece: Piece,
-    /// Components of the state that forces depend on, and their rows.
+    /// Components of the state in the forces, and their rows.
     state: Vec<(usize, Row)>,
     square: Row,
     time: Sum,
@@ -34,22 +34,22 @@ pub struct Bearings<'s> {
 #[derive(Clone, Debug)]
 struct Track {
     directions: Vec<Direction>,
-    /// Range of the square of the size.
+    /// Range of the square of the absolute force.
     square: Extent,
 }
 
 #[derive(Clone, Debug, Default)]
 struct Direction {
-    /// Components of the state, by their places among those kept, and the factors of the force.
+    /// Components of the state, by their places among the stored ones, and the factors of the force.
     terms: Vec<(usize, f64)>,
-    /// The force on a piece.
+    /// Force on a piece.
     row: Row,
     spread: Spread,
     extent: Extent,
 }
 
 impl<'s> Bearings<'s> {
-    /// Measures from `from` on; from the start, if none.
+    /// Measures from `from` on, by default from the start.
     #[must_use]
     pub fn new(structure: &'s Structure, from: Option<Instant>) -> Self {
         let clock = *structure.clock();
@@ -88,7 +88,7 @@ impl<'s> Bearings<'s> {
         }
     }
 
-    /// The measures so far; empty before the measured time begins.
+    /// Returns the measures so far; empty before the measured time begins.
     #[must_use]
     pub fn reports(&self) -> Vec<BearingReport> {
         let time = self.time.value();
@@ -135,7 +135,7 @@ impl Observer for Bearings<'_> {
                 piece.rows(step, [Shown::State(*i)], [row], |_, x, _| [x[*i]]);
             }
             for track in &mut *tracks {
-                // The square of the size stays below this.
+                // Bound of the square of the absolute force.
                 let mut bound = 0.0;
                 for Direction { terms, row, spread, extent } in &mut track.directions {
                     row.clear();
@@ -156,7 +156,7 @@ impl Observer for Bearings<'_> {
                             square[i..].iter_mut().zip(row).for_each(|(sum, b)| *sum += a * b);
                         }
                     }
-                    // Products of orders that high are far below rounding: a series ends where its terms are.
+                    // Products of such high orders are far below rounding: a series ends at the order of its terms.
                     square.truncate(MAX_DEGREE + 1);
                     Extent::extend([&mut track.square], square);
                 }

@@ -1,4 +1,4 @@
-//! What the contacts do: time apart, contact episodes, extremes of deflection and force.
+//! Measures of the contacts: time apart, contact episodes, extremes of deflection and force.
 
 use std::ops::ControlFlow;
 
@@ -32,7 +32,7 @@ pub struct Contacts<'s, S: ?Sized> {
 }
 
 impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
-    /// Measures from `from` on (from the start, if none), so that a transient is left out.
+    /// Measures from `from` on (by default from the start), so that a transient is left out.
     #[must_use]
     pub fn new(system: &'s S, from: Option<Instant>) -> Self {
         let m = system.contact_count();
@@ -49,38 +49,38 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         }
     }
 
-    /// Keeps at most `entries` separations and episodes of each contact; statistics go on.
+    /// Stores at most `entries` separations and episodes of each contact; statistics include all.
     #[must_use]
     pub fn keep(mut self, entries: usize) -> Self {
         self.keep = entries;
         self
     }
 
-    /// The separations of contact `j` that began and ended in the measured time, in order.
+    /// Returns the separations of contact `j` that began and ended in the measured time, in order.
     #[must_use]
     pub fn separations(&self, j: usize) -> &[Separation] {
         &self.tracks[j].separations
     }
 
-    /// The contact episodes of contact `j` that began and ended in the measured time, in order.
+    /// Returns the contact episodes of contact `j` that began and ended in the measured time, in order.
     #[must_use]
     pub fn episodes(&self, j: usize) -> &[Episode] {
         &self.tracks[j].episodes
     }
 
-    /// The episode of contact `j` that ended at the latest record, measured time or not.
+    /// Returns the episode of contact `j` that ended at the latest record, in the measured time or not.
     #[must_use]
     pub fn ended(&self, j: usize) -> Option<&Episode> {
         self.tracks[j].ended.as_ref()
     }
 
-    /// Measured time, s.
+    /// Returns the measured time, s.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time.value()
     }
 
-    /// The measures of contact `j` so far.
+    /// Returns the measures of contact `j` so far.
     #[must_use]
     pub fn report(&self, j: usize) -> ContactReport {
         let time = self.time.value();
@@ -92,7 +92,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         self.from.is_none_or(|from| self.clock.between(from, at) >= 0.0)
     }
 
-    /// The piece `[a, b]` of a step.
+    /// Adds the piece `[a, b]` of a step.
     fn piece(&mut self, mode: &Mode, step: &dyn DenseStep, a: f64, b: f64, measured: bool) {
         let Self { system, piece, rows: [deflection, force], tracks, .. } = self;
         piece.cut(step, a, b);
@@ -152,7 +152,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         }
     }
 
-    /// Contact `j` at an instant.
+    /// Updates contact `j` at an instant.
     fn follow(&mut self, j: usize, record: &EventRecord, measured: bool) {
         let system = self.system;
         let (before, after) = (system.contact_mode(j, &record.from), system.contact_mode(j, &record.to));
@@ -222,12 +222,12 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         }
     }
 
-    /// A spell whose beginning was not seen.
+    /// Begins a spell whose beginning was not observed.
     fn begin(&mut self, j: usize, state: ContactMode, at: Instant) {
         self.tracks[j].spell = Some(Spell::new(state.is_closed(), at, state.side()));
     }
 
-    /// A spell begins at an event, on (or off) the flank of `side`.
+    /// Begins a spell at an event, on (or off) the flank of `side`.
     fn open(&mut self, j: usize, state: ContactMode, at: Instant, side: f64, measured: bool) {
         let track = &mut self.tracks[j];
         let spell = Spell { whole: measured, ..Spell::new(state.is_closed(), at, side) };
@@ -238,19 +238,19 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         }
     }
 
-    /// A spell without force ends at the flank of `side`.
+    /// Ends a spell without force at the flank of `side`.
     fn part(&mut self, j: usize, side: f64, measured: bool) {
         let track = &mut self.tracks[j];
         let Some(spell) = track.spell.take().filter(|s| s.whole && !s.closed && measured) else { return };
         track.separated(spell.separation(&self.clock, side), self.keep);
     }
 
-    /// A rigid impact, with all its blows at the instant: an episode of no duration.
+    /// Adds a rigid impact, with all its blows at the instant: an episode of no duration.
     fn impact(&mut self, j: usize, side: f64, record: &EventRecord, measured: bool) {
         let rates = [&record.x_minus, &record.x_plus].map(|x| self.system.deflection(j, side, record.at, x).1);
         let track = &mut self.tracks[j];
         let Blows { count, first, last, impulse, lost } = track.blows;
-        // A flank that closes and takes no impulse: others have turned it back.
+        // A flank that closes without impulse: other impacts have turned it back.
         let ([before, after], last) = if count > 0 { (first, last) } else { (rates, rates[1]) };
         let approach = side * before;
         let episode = Episode {
@@ -278,7 +278,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     }
 }
 
-/// The side of the flank of contact `j` that a record is about.
+/// Returns the side of the flank of contact `j` in a record.
 pub(super) fn side_at<S: ContactView + ?Sized>(system: &S, j: usize, record: &EventRecord) -> f64 {
     let struck = record.fired.iter().map(|id| system.watch(id)).find(|(k, watch)| *k == j && watch.side() != 0.0);
     let [before, after] = [&record.from, &record.to].map(|mode| system.contact_mode(j, mode).side());

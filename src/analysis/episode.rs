@@ -1,16 +1,16 @@
-//! One spell of contact, one spell without force.
+//! Contact episodes and separations of one contact.
 
 use serde::Serialize;
 
 use super::{extent::Extent, sum::Sum};
 use crate::hybrid::{Clock, ContactMode, Instant};
 
-/// A moment, for output.
+/// An instant in the form of the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Moment {
     /// Forcing cycle.
     pub cycle: i64,
-    /// Phase in it, s.
+    /// Phase in the forcing cycle, s.
     pub phase: f64,
     /// Time, s.
     pub t: f64,
@@ -22,16 +22,16 @@ impl Moment {
     }
 }
 
-/// A contact carried force from `start` on for `duration`; a rigid impact has duration zero.
+/// Contact episode: force is carried from `start` on for `duration`, which is zero for a rigid impact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Episode {
-    /// When it began.
+    /// Start of the episode.
     pub start: Moment,
-    /// `drive` or `back`.
+    /// Flank: `drive` or `back`.
     pub flank: &'static str,
-    /// It began inside the flank's zone, where the law's force rose through zero, and not at the flank.
+    /// True if the episode began inside the flank's zone, where the law's force rose through zero, and not at the flank.
     pub by_force: bool,
-    /// How long, s.
+    /// Duration, s; 0 for a rigid impact.
     pub duration: f64,
     /// Blows of a rigid impact: jumps of its instant in which the contact takes an impulse. 0 for a contact with a duration.
     pub blows: u32,
@@ -43,26 +43,26 @@ pub struct Episode {
     pub approach: f64,
     /// Opening speed at the end, m/s; of an impact right after its last blow.
     pub release: f64,
-    /// `release / approach`, for an approach at the flank; of an impact that of its first blow, absent if it was at rest.
+    /// Ratio `release / approach`, for an approach at the flank; of an impact that of its first blow, absent if it was at rest.
     pub restitution: Option<f64>,
     /// Impulse that pushed the flanks apart, N s; of an impact the sum of its blows.
     pub impulse: f64,
-    /// Energy lost in it, J: dissipated, dropped at the release, or lost in the blows, `½ P (1 − e) × approach` of each.
+    /// Energy lost, J: dissipated, dropped at the release, or lost in the blows, `½ P (1 − e) × approach` of each.
     pub energy_lost: f64,
 }
 
-/// A contact carried no force from `start` on for `duration`.
+/// Separation: no force is carried from `start` on for `duration`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Separation {
-    /// When the force ended.
+    /// Instant at which the force ended.
     pub start: Moment,
-    /// Until force was carried again, s.
+    /// Time until force was carried again, s.
     pub duration: f64,
-    /// The part of `duration` spent between the flanks, s; the rest inside a flank's zone without force.
+    /// Part of `duration` between the flanks, s; the rest was inside a flank's zone without force.
     pub apart: f64,
-    /// The flank it left: `drive` or `back`.
+    /// Flank that the contact left: `drive` or `back`.
     pub from: &'static str,
-    /// The flank it met: `drive` or `back`.
+    /// Flank on which force began again: `drive` or `back`.
     pub to: &'static str,
 }
 
@@ -70,9 +70,9 @@ pub struct Separation {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Blows {
     pub count: u32,
-    /// Rates of the deflection before and after the first, m/s: 0 before if the contact was at rest.
+    /// Rates of the deflection before and after the first blow, m/s: 0 before if the contact was at rest.
     pub first: [f64; 2],
-    /// The rate after the last, m/s.
+    /// Rate after the last blow, m/s.
     pub last: f64,
     /// Sum of the impulses along the direction, N s.
     pub impulse: f64,
@@ -93,14 +93,14 @@ impl Blows {
     }
 }
 
-/// The spell a contact is in.
+/// Current contact episode or separation of a contact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spell {
     pub closed: bool,
     pub began: Instant,
-    /// Its beginning was seen, and lies in the measured time.
+    /// True if its beginning was observed and lies in the measured time.
     pub whole: bool,
-    /// Side of the flank it is on (closed) or that it left (open).
+    /// Side of its flank (closed) or of the flank that it left (open).
     pub side: f64,
     pub by_force: bool,
     pub approach: f64,
@@ -134,7 +134,7 @@ impl Spell {
         }
     }
 
-    /// The contact episode on a flank at `gap`, ended with opening speed `release`.
+    /// Returns the contact episode on a flank at `gap`, ended with opening speed `release`.
     pub fn episode(&self, clock: &Clock, gap: f64, release: f64) -> Episode {
         Episode {
             start: Moment::new(clock, self.began),
@@ -152,7 +152,7 @@ impl Spell {
         }
     }
 
-    /// The separation, ended at the flank of `side`.
+    /// Returns the separation, ended at the flank of `side`.
     pub fn separation(&self, clock: &Clock, side: f64) -> Separation {
         Separation {
             start: Moment::new(clock, self.began),

@@ -1,4 +1,4 @@
-//! Event records told in words: one serialisable row an instant.
+//! Event records as serialisable rows, one for each instant.
 
 use std::ops::ControlFlow;
 
@@ -12,10 +12,10 @@ use crate::{
     integrate::DenseStep,
 };
 
-/// Digits of a written time: all that a pair of doubles holds.
+/// Digits of a written time: all digits of a pair of doubles.
 const DIGITS: usize = 32;
 
-/// What happened to one contact.
+/// Kind of an event of one contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -31,26 +31,26 @@ pub enum Kind {
     Impact,
     /// A rigid contact comes to rest.
     Stick,
-    /// A resting rigid contact lets go.
+    /// A resting rigid contact is released.
     Release,
-    /// A guard was touched and not crossed.
+    /// A guard is touched and not crossed.
     Graze,
-    /// The first mode of the run was decided for a contact that starts on its flank, and it stays apart.
+    /// The first mode of the run is decided for a contact that starts on its flank, and the contact stays apart.
     Start,
 }
 
-/// One contact at one instant. What belongs to the contact episode that ends here is absent where none ends.
+/// Event of one contact at one instant. Measures of the contact episode that ends there are absent where none ends.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactEvent {
-    /// Number of the contact.
+    /// Index of the contact.
     pub mesh: usize,
-    /// Its name.
+    /// Name of the contact.
     pub name: String,
-    /// What happened.
+    /// Kind of the event.
     pub kind: Kind,
-    /// Its state before.
+    /// State of the contact before the event.
     pub from: &'static str,
-    /// Its state after.
+    /// State of the contact after the event.
     pub to: &'static str,
     /// Deflection δ just before, m.
     pub deflection: f64,
@@ -58,11 +58,11 @@ pub struct ContactEvent {
     pub velocity: f64,
     /// Jumps of the instant in which the contact takes an impulse, for an impact.
     pub blows: Option<u32>,
-    /// Closing speed with which the episode began that begins or ends here, m/s; of an impact before its first blow.
+    /// Closing speed at the beginning of the episode that begins or ends here, m/s; of an impact before its first blow.
     pub approach: Option<f64>,
-    /// Opening speed with which the ending episode ends, m/s; of an impact right after its last blow.
+    /// Opening speed at the end of the ending episode, m/s; of an impact right after its last blow.
     pub release: Option<f64>,
-    /// How long force was carried, s; 0 for an impact.
+    /// Duration of the force, s; 0 for an impact.
     pub duration: Option<f64>,
     /// Largest force, N.
     pub peak_force: Option<f64>,
@@ -74,28 +74,28 @@ pub struct ContactEvent {
     pub energy_lost: Option<f64>,
     /// Restitution obtained: release over approach speed; of an impact that of its first blow, absent if it was at rest.
     pub restitution: Option<f64>,
-    /// Restitution of a free impact under the contact's law: what was asked for.
+    /// Restitution that the contact's law gives for a free impact.
     pub restitution_free: Option<f64>,
 }
 
-/// One instant.
+/// Events of one instant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EventRow {
-    /// Number of the row, from 0.
+    /// Index of the row, from 0.
     pub index: u64,
     /// Forcing cycle n.
     pub n: i64,
-    /// Phase in it, s.
+    /// Phase in the forcing cycle, s.
     pub phase: f64,
     /// Time as a decimal number, s, to 32 digits.
     pub t: String,
     /// Time rounded to a double, s.
     pub seconds: f64,
-    /// The record decides the first mode of the run.
+    /// True if the record decides the first mode of the run.
     pub start: bool,
-    /// A known stiffness switch fell on the instant.
+    /// True if a known stiffness switch fell on the instant.
     pub switch: bool,
-    /// The instant ends an impact sequence: impacts of it that were resolved, and the time left after the last, s.
+    /// End of an impact sequence: the number of its resolved impacts, and the time left after the last, s.
     pub accumulation: Option<(u32, f64)>,
     /// Jumps iterated at the instant.
     pub jumps: u32,
@@ -103,19 +103,19 @@ pub struct EventRow {
     pub projected: f64,
     /// Value of the guard at the event, in its units.
     pub residual: f64,
-    /// Its rate there, per second.
+    /// Rate of the guard there, in its units per second.
     pub slope: f64,
     /// Uncertainty of the time, s.
     pub uncertainty: f64,
-    /// What errors of the run before, amplified by its motion, add to it, s: an estimate. `None` where nobody computes it.
+    /// Estimated uncertainty of the time, s, from earlier errors that the motion has amplified; `None` where it is not computed.
     pub inherited_uncertainty: Option<f64>,
-    /// The uncertainty is an estimate, no proven bound.
+    /// True if `uncertainty` is an estimate, not a proven bound.
     pub estimated: bool,
-    /// The contacts to which something happened, in rising order.
+    /// Contacts with an event, in rising order.
     pub contacts: Vec<ContactEvent>,
 }
 
-/// Describes every record, and measures the contacts for it.
+/// Log of event records, which measures the contacts for it.
 pub struct EventLog<'s, S: ?Sized, F> {
     system: &'s S,
     contacts: Contacts<'s, S>,
@@ -124,13 +124,13 @@ pub struct EventLog<'s, S: ?Sized, F> {
 }
 
 impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<()>> EventLog<'s, S, F> {
-    /// A log that hands its rows to `row`. `contacts` runs inside it and need not be observed elsewhere.
+    /// Returns a log that passes its rows to `row`. `contacts` runs inside it and needs no other observer.
     #[must_use]
     pub fn new(system: &'s S, contacts: Contacts<'s, S>, row: F) -> Self {
         Self { system, contacts, rows: 0, row }
     }
 
-    /// The measures.
+    /// Returns the measures.
     #[must_use]
     pub fn contacts(&self) -> &Contacts<'s, S> {
         &self.contacts
@@ -195,7 +195,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
     }
 }
 
-/// What happened to contact `j`: up to two things (an impact that comes to rest at once).
+/// Returns the kinds of the event of contact `j`: up to two (an impact that comes to rest at once).
 fn kinds<S: ContactView + ?Sized>(s: &S, j: usize, record: &EventRecord) -> [Option<Kind>; 2] {
     let (before, after) = (s.contact_mode(j, &record.from), s.contact_mode(j, &record.to));
     let fired = |flank: bool| {

@@ -1,4 +1,4 @@
-//! The range of values that a quantity has taken.
+//! Range of the values of a quantity.
 
 use crate::poly;
 
@@ -16,7 +16,7 @@ impl Default for Extent {
 }
 
 impl Extent {
-    /// Takes `[largest, smallest]` values.
+    /// Includes `[largest, smallest]` values.
     pub fn take(&mut self, [largest, smallest]: [f64; 2]) {
         (self.largest, self.smallest) = (self.largest.max(largest), self.smallest.min(smallest));
     }
@@ -25,10 +25,10 @@ impl Extent {
         largest <= self.largest && smallest >= self.smallest
     }
 
-    /// Takes the values of a polynomial on `[0, 1]` into each of `extents`; an empty one is zero.
+    /// Includes the values of a polynomial on `[0, 1]` in each of `extents`; an empty one is zero.
     pub fn extend<const N: usize>(extents: [&mut Self; N], p: &[f64]) {
         let start = p.first().copied().unwrap_or(0.0);
-        // It stays this near to its first value.
+        // Bound of the distance from its first value.
         let reach = p.iter().skip(1).fold(0.0, |sum, c| sum + c.abs());
         if !extents.iter().all(|extent| extent.holds([start + reach, start - reach])) {
             let values = poly::extremes(p);
@@ -36,7 +36,7 @@ impl Extent {
         }
     }
 
-    /// The largest value on the side of the sign of `side`, of `side` times the quantity.
+    /// Returns the largest value of `side` times the quantity, on the side of the sign of `side`.
     pub fn peak(&self, side: f64) -> f64 {
         if side < 0.0 { -self.smallest } else { self.largest }
     }

@@ -1,4 +1,4 @@
-//! The energy ledger: where every joule came from and went.
+//! Energy ledger: sources and sinks of all energy.
 
 use std::ops::ControlFlow;
 
@@ -12,7 +12,7 @@ use crate::{
     integrate::DenseStep,
 };
 
-/// The powers integrated, in the order of their columns.
+/// Integrated powers, in the order of their columns.
 const POWERS: [Power; 5] = [Power::Load, Power::Error, Power::Parametric, Power::Damping, Power::Contacts];
 
 /// Integrates the powers along the flow, adds the jumps at events, and compares with the energy.
@@ -49,10 +49,10 @@ struct Totals {
     flows: Sum,
 }
 
-/// Share of the largest column that the residual may not reach, whatever rounding is said to explain.
+/// Share of the largest column that the residual must not reach, whatever the bound of rounding.
 const IMBALANCE: f64 = 0.005;
 
-/// The ledger's columns, J.
+/// Columns of the ledger, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Balance {
     /// Energy at the start.
@@ -65,43 +65,43 @@ pub struct Balance {
     pub error: f64,
     /// Work of the varying stiffnesses, switches included.
     pub parametric: f64,
-    /// The part of `parametric` done at stiffness switches.
+    /// Part of `parametric` done at stiffness switches.
     pub switches: f64,
-    /// Lost in the structure's dampers.
+    /// Energy lost in the structure's dampers.
     pub damping: f64,
-    /// Lost in contacts while they carry force.
+    /// Energy lost in contacts while they carry force.
     pub contact: f64,
-    /// Stored energy dropped where contacts let go while still deflected.
+    /// Stored energy dropped where contacts separate while still deflected.
     pub release: f64,
-    /// Lost in rigid impacts.
+    /// Energy lost in rigid impacts.
     pub impact: f64,
     /// Change by moving states onto guards: rounding.
     pub projection: f64,
-    /// What the columns do not explain.
+    /// Residual of the balance, which the other columns do not explain.
     pub residual: f64,
-    /// All energy that flowed in or out, by absolute value, and the largest energy held.
+    /// All energy that flowed in or out, by absolute value, plus the largest energy stored.
     pub throughput: f64,
 }
 
 impl Balance {
-    /// `|residual| / throughput`: rounding, if the ledger closes.
+    /// Returns `|residual| / throughput`: rounding, if the ledger closes.
     #[must_use]
     pub fn closure(&self) -> f64 {
         if self.throughput > 0.0 { self.residual.abs() / self.throughput } else { self.residual.abs() }
     }
 
-    /// Largest [`closure`](Self::closure) that rounding explains after `steps` Taylor steps, `(64 + 8 n) ε`: a step rounds the
-    /// state by 4 ε of its size at most, an energy by twice that, and the sums of a step's powers by some 64 ε in all. On request a step
-    /// also leaves out the share `left_out` of the energy.
+    /// Returns the largest [`closure`](Self::closure) that rounding explains after `steps` Taylor steps, `(64 + 8 n) ε`. A step rounds the
+    /// state by 4 ε of its size at most, an energy by twice that, and the sums of a step's powers by some 64 ε in all. A step with
+    /// truncation also omits the share `left_out` of the energy.
     #[must_use]
     pub fn rounding(steps: u64, left_out: f64) -> f64 {
-        // OK to convert: a run has fewer than 2⁵³ steps.
+        // Exact: a run has fewer than 2⁵³ steps.
         (64.0 + 8.0 * steps as f64) * f64::EPSILON + left_out * steps as f64
     }
 
-    /// Largest residual that is no contradiction, J: the rounding of the throughput and of `energy`
-    /// ([`Structure::rounded_energy`](crate::system::Structure::rounded_energy)), and no more than half a percent of the largest column. The
-    /// latter counts where that is above the rounding of the throughput and of `held`
+    /// Returns the largest residual without contradiction, J: the rounding of the throughput and of `energy`
+    /// ([`Structure::rounded_energy`](crate::system::Structure::rounded_energy)), at most half a percent of the largest column. The latter
+    /// applies if it is above the rounding of the throughput and of `held`
     /// ([`Structure::held_energy`](crate::system::Structure::held_energy)).
     #[must_use]
     pub fn limit(&self, [energy, held]: [f64; 2], steps: u64, left_out: f64) -> f64 {
@@ -110,7 +110,7 @@ impl Balance {
         (rounding * (self.throughput + energy)).min(if counts { IMBALANCE * largest } else { f64::INFINITY })
     }
 
-    /// The largest of the energies at start and end and of the sums of work and loss, J.
+    /// Returns the largest of the energies at start and end and of the sums of work and loss, J.
     fn largest_column(&self) -> f64 {
         let Self { start, end, load, error, parametric, damping, contact, release, impact, .. } = *self;
         [start, end, load, error, parametric, damping, contact, release, impact].iter().fold(0.0, |m, e| m.max(e.abs()))
@@ -118,7 +118,7 @@ impl Balance {
 }
 
 impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
-    /// An empty ledger.
+    /// Returns an empty ledger.
     #[must_use]
     pub fn new(system: &'s S) -> Self {
         Self {
@@ -134,13 +134,13 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
         }
     }
 
-    /// The largest size of each component of the state at the ends of steps, `[dim]`.
+    /// Returns the largest size of each component of the state at the ends of steps, `[dim]`.
     #[must_use]
     pub fn reach(&self) -> &[f64] {
         &self.reach
     }
 
-    /// The columns so far.
+    /// Returns the columns so far.
     #[must_use]
     pub fn balance(&self) -> Balance {
         let t = &self.totals;

@@ -1,7 +1,6 @@
-//! Measures taken while a run goes on: energy ledger, contacts, sampled trajectories, event descriptions.
+//! Measures during a run: energy ledger, contacts, sampled trajectories, event descriptions.
 //!
-//! All are [`Observer`](crate::engine::Observer)s, and know a system only through the traits of
-//! [`hybrid`](crate::hybrid).
+//! All are [`Observer`](crate::engine::Observer)s, and use a system only through the traits of [`hybrid`](crate::hybrid).
 
 mod bearings;
 mod contacts;

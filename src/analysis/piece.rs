@@ -1,4 +1,4 @@
-//! A piece of a step, and what it shows as polynomials on it.
+//! Piece of a step, with polynomials on it.
 
 use std::sync::LazyLock;
 
@@ -9,10 +9,10 @@ use crate::{
     poly::{self, CHEBYSHEV, Chebyshev, DEGREE},
 };
 
-/// A polynomial on `[0, 1]`, the piece; empty for zero.
+/// Polynomial on the piece, `[0, 1]`; empty for zero.
 pub(super) type Row = Vec<f64>;
 
-/// Terms of the longest row: a series of order 24.
+/// Number of terms of the longest row: a series of order 24.
 const MOMENTS: usize = 25;
 
 /// Places and weights of the quadrature of powers.
@@ -21,17 +21,17 @@ static GAUSS: LazyLock<[Samples; 2]> = LazyLock::new(|| {
     [std::array::from_fn(|i| rule.nodes[i]), std::array::from_fn(|i| rule.weights[i])]
 });
 
-/// The piece `[low, low + width]` of a step.
+/// Piece `[low, low + width]` of a step.
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
     clock: Clock,
     low: f64,
     width: f64,
-    /// Its length, s.
+    /// Length of the piece, s.
     pub length: f64,
-    /// `dt/dθ` on the piece, s.
+    /// Rate `dt/dθ` on the piece, s.
     rate: Row,
-    /// `∫ θˡ dt` over the piece, s.
+    /// Moments `∫ θˡ dt` over the piece, s.
     moments: [f64; MOMENTS],
     x: Vec<f64>,
 }
@@ -41,7 +41,7 @@ impl Piece {
         Self { clock, low: 0.0, width: 1.0, length: 0.0, rate: Row::new(), moments: [0.0; MOMENTS], x: vec![0.0; dim] }
     }
 
-    /// Becomes the piece from `low` to `high` of `step`.
+    /// Sets the piece to the part from `low` to `high` of `step`.
     pub fn cut(&mut self, step: &dyn DenseStep, low: f64, high: f64) {
         (self.low, self.width) = (low, high - low);
         self.length = if low == 0.0 { step.time(high) } else { step.time(high) - step.time(low) };
@@ -58,8 +58,8 @@ impl Piece {
         poly::moments(&self.rate, &mut self.moments);
     }
 
-    /// Writes what the step shows as rows on the piece. Where it does not know them, `value` is interpolated: it takes the instant, the
-    /// state there, and θ in the step.
+    /// Writes quantities of the step as rows on the piece. If the step does not have them, `value` is interpolated: it takes the instant,
+    /// the state there, and θ in the step.
     pub fn rows<const M: usize>(
         &mut self,
         step: &dyn DenseStep,
@@ -88,7 +88,7 @@ impl Piece {
         }
     }
 
-    /// The integrals `∫ P dt` over the piece of powers. Where the step does not know them, `value` forms them from the instant and the state.
+    /// Returns the integrals `∫ P dt` of powers over the piece. If unknown to the step, `value` computes P from instant and state.
     pub fn integrals<const M: usize>(
         &mut self,
         step: &dyn DenseStep,
@@ -112,12 +112,12 @@ impl Piece {
         values.map(|values| (0..SAMPLES).fold(0.0, |sum, i| sum + weights[i] * rates[i] * values[i]))
     }
 
-    /// `dt/dθ` on the piece, s.
+    /// Returns `dt/dθ` on the piece, s.
     pub fn rate(&self) -> &[f64] {
         &self.rate
     }
 
-    /// Values of a row at `nodes` of the piece.
+    /// Computes values of a row at `nodes` of the piece.
     pub fn values<const N: usize>(&self, nodes: &[f64], row: &[f64], values: &mut [f64; N]) {
         values.fill(0.0);
         for c in row.iter().rev() {
@@ -125,7 +125,7 @@ impl Piece {
         }
     }
 
-    /// `∫ row² dt` over the piece, exact to degree 15 of the row in plain time.
+    /// Returns `∫ row² dt` over the piece, exact to degree 15 of the row in plain time.
     pub fn square(&self, row: &[f64]) -> f64 {
         let [nodes, weights] = &*GAUSS;
         let [mut values, mut rates] = [[0.0; SAMPLES]; 2];
@@ -134,13 +134,13 @@ impl Piece {
         (0..SAMPLES).fold(0.0, |sum, i| sum + weights[i] * rates[i] * values[i] * values[i])
     }
 
-    /// `∫ row dt` over the piece.
+    /// Returns `∫ row dt` over the piece.
     pub fn integral(&self, row: &[f64]) -> f64 {
         poly::dot(&self.moments, row)
     }
 }
 
-/// A step up to `until`, cut where the measured time begins: parts with low end, high end, and whether they are measured.
+/// Returns the parts of a step up to `until`, cut where the measured time begins: low end, high end, and whether they are measured.
 pub(super) fn measured_parts(
     clock: &Clock,
     from: Option<Instant>,
@@ -152,7 +152,7 @@ pub(super) fn measured_parts(
     [(0.0, cut, false), (cut, until, true)].into_iter().filter(|(low, high, _)| low < high)
 }
 
-/// The derivative of a row, in its place.
+/// Replaces a row by its derivative.
 fn derive(row: &mut Row) {
     if !row.is_empty() {
         row.remove(0);

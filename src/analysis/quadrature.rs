@@ -33,7 +33,7 @@ impl Rule {
     }
 }
 
-/// The `θ` in `[0, until]` at which `elapsed` seconds of the step have passed; the nearer end outside.
+/// Returns the `θ` in `[0, until]` at which `elapsed` seconds of the step have passed; outside, the nearer end.
 pub(super) fn theta_at(step: &dyn DenseStep, elapsed: f64, until: f64) -> f64 {
     if elapsed <= 0.0 {
         return 0.0;

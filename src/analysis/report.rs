@@ -6,29 +6,29 @@ use crate::system::Structure;
 /// Count, extremes and mean of a list of durations, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
-    /// How many.
+    /// Number of durations.
     pub count: u64,
-    /// Shortest; absent if there are none.
+    /// Shortest duration, s; absent if there are none.
     pub min: Option<f64>,
-    /// Longest.
+    /// Longest duration, s.
     pub max: Option<f64>,
     /// Mean.
     pub mean: Option<f64>,
 }
 
-/// Impacts of one contact: contact begins out of the gap with an approach speed > 0. A contact that closes again inside the zone of its flank,
-/// and the sum of an accumulation, are none.
+/// Impacts of one contact: contact begins out of the gap with an approach speed > 0. A contact that closes again inside the zone of its
+/// flank, and the sum of an accumulation, do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Impacts {
     /// Impacts on the drive flank.
     pub drive: u64,
     /// Impacts on the back flank.
     pub back: u64,
-    /// Both, in a second.
+    /// Impacts on both flanks per second.
     pub per_second: f64,
-    /// Both, in a forcing cycle, if there is one.
+    /// Impacts on both flanks per forcing cycle, if there is one.
     pub per_cycle: Option<f64>,
-    /// Largest approach speed, m/s; absent if there are no impacts.
+    /// Largest approach speed, m/s; absent without impacts.
     pub speed_max: Option<f64>,
     /// Mean approach speed, m/s.
     pub speed_mean: Option<f64>,
@@ -36,14 +36,14 @@ pub struct Impacts {
     pub speed_rms: Option<f64>,
     /// Speed that 50 % of the impacts do not exceed, m/s: the one in place ⌈n/2⌉ of n, in rising order.
     pub speed_50: Option<f64>,
-    /// The same of 95 %.
+    /// Speed that 95 % of the impacts do not exceed, m/s.
     pub speed_95: Option<f64>,
-    /// The same of 99 %.
+    /// Speed that 99 % of the impacts do not exceed, m/s.
     pub speed_99: Option<f64>,
 }
 
 impl Impacts {
-    /// Statistics of approach speeds, those on the drive flank first, over a measured time, s.
+    /// Returns statistics of approach speeds, those on the drive flank first, over a measured time, s.
     pub(super) fn new(speeds: &[Vec<f64>; 2], time: f64, cycles: Option<f64>) -> Self {
         let mut sorted = speeds.concat();
         sorted.sort_by(f64::total_cmp);
@@ -54,7 +54,7 @@ impl Impacts {
             sum.value() / n
         };
         let any = |value: f64| Some(value).filter(|_| n > 0.0);
-        // OK to convert: there are fewer impacts than 2⁵³.
+        // Exact: there are fewer impacts than 2⁵³.
         let quantile = |percent: f64| sorted.get(((percent * n / 100.0).ceil() as usize).saturating_sub(1)).copied();
         Self {
             drive: speeds[0].len() as u64,
@@ -71,7 +71,7 @@ impl Impacts {
     }
 }
 
-/// What was measured on one contact, over the measured time.
+/// Measures of one contact over the measured time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactReport {
     /// Name of the contact.
@@ -80,23 +80,23 @@ pub struct ContactReport {
     pub time: f64,
     /// Time between the flanks, s.
     pub apart_time: f64,
-    /// `apart_time / time`.
+    /// Share `apart_time / time`.
     pub apart_fraction: f64,
     /// Time without force, s: between the flanks, or inside a flank's zone while the law would pull.
     pub no_force_time: f64,
-    /// `no_force_time / time`.
+    /// Share `no_force_time / time`.
     pub no_force_fraction: f64,
-    /// Times the force ended (a rigid impact that rebounds ends at once).
+    /// Number of ends of the force (a rigid impact that rebounds ends at once).
     pub separations: u64,
-    /// Times force began on the drive flank, rigid impacts included.
+    /// Number of beginnings of force on the drive flank, including rigid impacts.
     pub drive_contacts: u64,
-    /// Times force began on the back flank, rigid impacts included.
+    /// Number of beginnings of force on the back flank, including rigid impacts.
     pub back_contacts: u64,
-    /// Times a rigid contact came to rest.
+    /// Number of times that a rigid contact came to rest.
     pub sticks: u64,
-    /// `separations` per forcing cycle, if there is one.
+    /// Ratio `separations` per forcing cycle, if there is one.
     pub separations_per_cycle: Option<f64>,
-    /// `drive_contacts + back_contacts` per forcing cycle.
+    /// Sum `drive_contacts + back_contacts` per forcing cycle.
     pub contacts_per_cycle: Option<f64>,
     /// Durations without force of the separations that began and ended in the measured time.
     pub durations: Statistics,
@@ -112,24 +112,24 @@ pub struct ContactReport {
     pub force_abs_max: f64,
     /// Mean force along the contact's direction, N: `impulse / time`.
     pub force_mean: f64,
-    /// Impulse along the contact's direction, of impacts too, N s: positive on the drive flank.
+    /// Impulse along the contact's direction, including impacts, N s: positive on the drive flank.
     pub impulse: f64,
-    /// Standard deviation of the force, N, over the measured time; none of a rigid contact, whose impacts have no force.
+    /// Standard deviation of the force, N, over the measured time; none for a rigid contact, whose impacts have no force.
     pub force_deviation: Option<f64>,
-    /// Share of a planet in the load of its central gear: `N F̄/Σ F̄` of the mean forces of all N, 1 if they share alike; none of other contacts.
+    /// Share of a planet in the load of its central gear: `N F̄/Σ F̄` of the mean forces of all N, 1 if equal; none for other contacts.
     pub load_share: Option<f64>,
-    /// Rattle index `Γ = m_e max|ë|/|F̄|` with the error e(t), the effective mass and the mean force: above 1 a rigid mesh would lose contact.
+    /// Rattle index `Γ = m_e max|ë|/|F̄|` of the error e(t), effective mass and mean force: above 1 a rigid mesh would lose contact.
     /// None without a varying error or a mean force.
     pub rattle_index: Option<f64>,
     /// Energy lost in the contact, J.
     pub energy_lost: f64,
-    /// `energy_lost / time`, W.
+    /// Loss rate `energy_lost / time`, W.
     pub energy_loss_rate: f64,
     /// Impacts.
     pub impacts: Impacts,
 }
 
-/// Reports of all contacts of a train, in their order, with what takes the train to know.
+/// Returns the reports of all contacts of a train, in their order, with the measures that depend on the train.
 #[must_use]
 pub fn of_train(mut reports: Vec<ContactReport>, train: &Structure) -> Vec<ContactReport> {
     for group in &train.spec().shared {
@@ -146,10 +146,10 @@ pub fn of_train(mut reports: Vec<ContactReport>, train: &Structure) -> Vec<Conta
     reports
 }
 
-/// Force of a bearing in one direction, N: of the body on what carries it.
+/// Force of a bearing on its support in one direction, N.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BearingForce {
-    /// `x`, `y`, `axial`; of a planet `radial` and `tangential` to its carrier.
+    /// Direction: `x`, `y`, `axial`; of a planet `radial` and `tangential` to its carrier.
     pub direction: String,
     /// Mean.
     pub mean: f64,
@@ -164,14 +164,14 @@ pub struct BearingForce {
 /// Measures of one bearing, over the measured time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BearingReport {
-    /// Name of the body that it carries.
+    /// Name of the supported body.
     pub name: String,
-    /// Size of the mean force vector, N.
+    /// Absolute value of the mean force vector, N.
     pub force_mean: f64,
-    /// RMS value of the size of the difference from the mean vector, N.
+    /// RMS value of the distance from the mean vector, N.
     pub force_deviation: f64,
-    /// Largest size of the force vector, N.
+    /// Largest absolute value of the force vector, N.
     pub force_max: f64,
-    /// The force by direction.
+    /// Forces by direction.
     pub directions: Vec<BearingForce>,
 }

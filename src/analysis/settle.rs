@@ -1,25 +1,24 @@
-//! When a transient is over: the section decides, not a count of cycles.
+//! End of a transient: found by the sections of the motion, not by a count of cycles.
 
 use std::collections::VecDeque;
 
 use crate::hybrid::{Clock, Instant};
 
-/// Decay per cycle below which nothing is believed.
+/// Least decay factor per cycle that is assumed, however fast distances decay.
 const FASTEST: f64 = 0.99;
-/// Below this a distance is rounding, whatever its trend.
+/// Distance below which a difference is rounding, whatever its trend.
 const ROUNDING: f64 = 1e-12;
 
-/// Sections of a motion, the latest last, whoever computed it, and when it counts as periodic by them.
+/// Sections of a motion, the latest last, and the criterion by which the motion counts as periodic.
 ///
-/// The state `x_n` at the start of each forcing cycle is compared with `x_{n−p}` for p = 1, 2, … With `d_n` their distance
-/// and `r` its decay per cycle over the last four, but at least 0.99, the motion is still about `d_n r/(1 − r)` away from
-/// an orbit of period p, if it approaches one. It counts as settled when that is at most the tolerance at `max(p, 3)` sections
-/// in a row, unless a divisor q of p is still in question: one with `d_n` of period q below a thousand times the tolerance.
-/// The floor under r stands for slower decay that hides behind a faster one: up to 1 % a cycle it is accounted for, slower
-/// than that it cannot be told from rest.
+/// The state `x_n` at the start of each forcing cycle is compared with `x_{n−p}` for p = 1, 2, … With `d_n` their distance and `r` its
+/// decay per cycle over the last four, but at least 0.99, the motion is still about `d_n r/(1 − r)` away from an orbit of period p, if it
+/// approaches one. It counts as settled when that is at most the tolerance at `max(p, 3)` successive sections. A divisor q of p with `d_n`
+/// of period q below a thousand times the tolerance delays this. The lower bound of r covers slower decay that a faster one hides: up to 1
+/// % a cycle. Still slower decay cannot be distinguished from rest.
 ///
-/// Distances are relative: displacements to the largest displacement seen, velocities to the largest velocity or to the
-/// forcing frequency times the largest displacement, latched speeds each to itself.
+/// Distances are relative: displacements to the largest displacement so far, velocities to the largest velocity or to the forcing frequency
+/// times the largest displacement, each latched speed to itself.
 #[derive(Clone, Debug)]
 pub struct Sections {
     displacements: usize,
@@ -28,17 +27,17 @@ pub struct Sections {
     omega: f64,
     states: VecDeque<Vec<f64>>,
     scale: [f64; 2],
-    /// For each period: its latest distances, and sections in a row near enough to an orbit.
+    /// Latest distances for each period, and the number of successive sections near enough to an orbit.
     near: Vec<(VecDeque<f64>, usize)>,
 }
 
-/// Cycles over which decay is taken.
+/// Cycles over which decay is computed.
 const DECAY: usize = 4;
-/// A shorter period is in question while its distance is below this many tolerances.
+/// Distance, in tolerances, below which a shorter period is in question.
 const DOUBT: f64 = 1e3;
 
 impl Sections {
-    /// No sections yet of a motion of `freedoms` displacements, forced at ω, rad/s, with orbits of up to `periods` looked for.
+    /// Returns an empty list of sections of a motion of `freedoms` displacements, forced at ω, rad/s, for orbits of up to `periods` cycles.
     #[must_use]
     pub fn new(freedoms: usize, omega: f64, periods: u32) -> Self {
         Self {
@@ -51,7 +50,7 @@ impl Sections {
         }
     }
 
-    /// Distance of two sections, relative as [`Sections`] says.
+    /// Returns the distance of two sections, relative as in [`Sections`].
     #[must_use]
     pub fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
         a.iter().zip(b).enumerate().fold(0.0, |most, (i, (a, b))| {
@@ -64,18 +63,17 @@ impl Sections {
         })
     }
 
-    /// Latest distance of sections `p` apart.
+    /// Returns the latest distance of sections `p` apart.
     fn latest(&self, p: usize) -> f64 {
         self.near[p - 1].0.back().copied().unwrap_or(f64::INFINITY)
     }
 
-    /// The last `count` sections, or fewer where there are not so many; at most the longest period.
+    /// Returns the last `count` sections, or fewer if there are not so many; at most the longest period.
     pub fn last(&self, count: usize) -> impl Iterator<Item = &[f64]> {
         self.states.iter().skip(self.states.len().saturating_sub(count)).map(Vec::as_slice)
     }
 
-    /// Takes a section `(q, q̇, latched)`; gives the period of the orbit it lies on and the estimated distance from it, once
-    /// they are known.
+    /// Adds a section `(q, q̇, latched)`; returns the period of its orbit and the estimated distance from it, once they are known.
     pub fn take(&mut self, x: &[f64], tolerance: f64) -> Option<(u32, f64)> {
         let largest = |part: &[f64], best: f64| part.iter().fold(best, |m, v| m.max(v.abs()));
         self.scale[0] = largest(&x[..self.displacements], self.scale[0]);
@@ -112,9 +110,9 @@ impl Sections {
     }
 }
 
-/// The start of the cycle `cycles` after the one that `at` lies in.
+/// Returns the start of the cycle `cycles` after that of `at`.
 #[must_use]
 pub fn cycles_later(clock: &Clock, at: Instant, cycles: u64) -> Instant {
-    // OK to convert: nobody runs 2⁶³ cycles.
+    // Exact: no run has 2⁶³ cycles.
     clock.at(at.cycle + cycles as i64, 0.0)
 }

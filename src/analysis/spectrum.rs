@@ -5,27 +5,27 @@ use std::f64::consts::TAU;
 use rustfft::{FftPlanner, num_complex::Complex};
 use serde::Serialize;
 
-/// What samples are weighted with before the transform.
+/// Window function that weights the samples before the transform.
 ///
-/// Amplitudes are divided by the window's mean, so that a line on a bin reads its amplitude with every window. Over whole
-/// periods, sampled from exact phases, `Rectangular` has no leakage; the others are for motions without a period.
-/// Coefficients: Harris, Proc. IEEE 66 (1978) 51; flat top: Heinzel, Rüdiger & Schilling (2002), HFT70.
+/// Amplitudes are divided by the window's mean, so that a line on a bin has its amplitude with every window. Over whole periods, sampled at
+/// exact phases, `Rectangular` has no leakage; the others are for motions without a period. Coefficients: Harris, Proc. IEEE 66 (1978) 51;
+/// flat top: Heinzel, Rüdiger & Schilling (2002), HFT70.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Window {
-    /// No weighting: narrow lines, and none beside them if the samples cover whole periods.
+    /// No weighting: narrow lines, without side lobes if the samples cover whole periods.
     #[default]
     Rectangular,
-    /// Lines two bins wide; a line between bins reads up to 15 % low.
+    /// Lines two bins wide; a line between bins is up to 15 % too low.
     Hann,
-    /// Four bins wide, side lobes below −92 dB: weak lines beside strong ones.
+    /// Four bins wide, side lobes below −92 dB, for weak lines beside strong ones.
     BlackmanHarris,
-    /// Amplitudes right to 0.1 % wherever a line lies; the widest lines.
+    /// Amplitudes exact to 0.1 % at any frequency; the widest lines.
     FlatTop,
 }
 
 impl Window {
-    /// Coefficients `c_k` of `w_i = Σ (−1)^k c_k cos(2π k i/n)`.
+    /// Returns the coefficients `c_k` of `w_i = Σ (−1)^k c_k cos(2π k i/n)`.
     fn coefficients(self) -> &'static [f64] {
         match self {
             Self::Rectangular => &[1.0],
@@ -35,13 +35,13 @@ impl Window {
         }
     }
 
-    /// Bins on either side of a line that lies on a bin which the window fills too.
+    /// Returns the number of bins on either side of a line on a bin that the window fills too.
     #[must_use]
     pub fn skirt(self) -> usize {
         self.coefficients().len() - 1
     }
 
-    /// Weight of sample `i` of `n`.
+    /// Returns the weight of sample `i` of `n`.
     #[must_use]
     pub fn weight(self, i: usize, n: usize) -> f64 {
         let turn = TAU * i as f64 / n as f64;
@@ -50,10 +50,10 @@ impl Window {
     }
 }
 
-/// A one-sided amplitude spectrum: `x_i ≈ a_0 + Σ a_k cos(2π k i/n + φ_k)`.
+/// One-sided amplitude spectrum: `x_i ≈ a_0 + Σ a_k cos(2π k i/n + φ_k)`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Spectrum {
-    /// Distance of the bins, Hz (or per whatever the rate counts: with samples per cycle, orders).
+    /// Distance of the bins, Hz (or orders, with samples per cycle).
     pub resolution: f64,
     /// Amplitudes `a_k`, k = 0 … n/2, in the samples' unit; `a_0` is the mean with its sign.
     pub amplitude: Vec<f64>,
@@ -64,7 +64,7 @@ pub struct Spectrum {
 }
 
 impl Spectrum {
-    /// The spectrum of samples at `rate` samples a second (or a cycle). Empty samples give an empty spectrum.
+    /// Returns the spectrum of samples at `rate` samples a second (or a cycle). Empty samples give an empty spectrum.
     #[must_use]
     pub fn new(samples: &[f64], rate: f64, window: Window) -> Self {
         let n = samples.len();
@@ -88,20 +88,20 @@ impl Spectrum {
         Self { resolution: rate / n as f64, amplitude, phase, window }
     }
 
-    /// Frequencies of the bins.
+    /// Returns the frequencies of the bins.
     #[must_use]
     pub fn frequencies(&self) -> Vec<f64> {
         (0..self.amplitude.len()).map(|k| k as f64 * self.resolution).collect()
     }
 
-    /// Amplitude at the bin nearest to `frequency`; 0 beyond the last one.
+    /// Returns the amplitude at the bin nearest to `frequency`; 0 beyond the last one.
     #[must_use]
     pub fn at(&self, frequency: f64) -> f64 {
         let bin = (frequency / self.resolution).round();
         if bin >= 0.0 && bin < self.amplitude.len() as f64 { self.amplitude[bin as usize] } else { 0.0 }
     }
 
-    /// Bins whose amplitude is a maximum of at least `share` of the largest (the mean apart), strongest first.
+    /// Returns the bins whose amplitude is a maximum of at least `share` of the largest (without the mean), strongest first.
     #[must_use]
     pub fn lines(&self, share: f64) -> Vec<(f64, f64)> {
         let a = &self.amplitude;

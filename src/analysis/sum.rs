@@ -1,4 +1,4 @@
-/// A compensated sum (Neumaier 1974): the error does not grow with the number of terms.
+/// Compensated sum (Neumaier 1974): the error does not grow with the number of terms.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sum {
     total: f64,
@@ -13,7 +13,7 @@ impl Sum {
         self.total = sum;
     }
 
-    /// The sum.
+    /// Returns the sum.
     #[must_use]
     pub fn value(&self) -> f64 {
         self.total + self.rest

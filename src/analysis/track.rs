@@ -1,4 +1,4 @@
-//! What is kept of one contact.
+//! Measures of one contact while a run goes on.
 
 use super::{
     episode::{Blows, Episode, Separation, Spell},
@@ -10,11 +10,11 @@ use super::{
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct Track {
-    /// The spell it is in.
+    /// Current contact episode or separation.
     pub spell: Option<Spell>,
-    /// Its blows at the instant that is open.
+    /// Blows at the current instant.
     pub blows: Blows,
-    /// The episode that ended at the latest record.
+    /// Episode that ended at the latest record.
     pub ended: Option<Episode>,
     pub separations: Vec<Separation>,
     pub episodes: Vec<Episode>,
@@ -27,7 +27,7 @@ pub(super) struct Track {
     impacts: [Vec<f64>; 2],
     pub lost: Sum,
     pub deflection: Extent,
-    /// Along the direction.
+    /// Extremes of the force along the contact's direction, N.
     pub force: Extent,
     whole: u64,
     durations: Sum,
@@ -35,7 +35,7 @@ pub(super) struct Track {
     longest: f64,
 }
 
-/// Integrals of a force and of its square, of differences from its first value: a large mean costs no digits.
+/// Integrals of a force and of its square, of differences from its first value, so that a large mean costs no digits.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Spread {
     origin: Option<f64>,
@@ -44,7 +44,7 @@ pub(super) struct Spread {
 }
 
 impl Spread {
-    /// Takes the force on a piece; it comes back unchanged.
+    /// Adds the force on a piece; `force` is unchanged at the end.
     pub fn take(&mut self, piece: &Piece, force: &mut Row) {
         if force.is_empty() {
             force.push(0.0);
@@ -56,7 +56,7 @@ impl Spread {
         force[0] = first;
     }
 
-    /// Takes a time without force, s.
+    /// Adds a time without force, s.
     pub fn open(&mut self, time: f64) {
         let origin = *self.origin.get_or_insert(0.0);
         self.sum.add(-origin * time);
@@ -75,7 +75,7 @@ impl Spread {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Counts {
     pub separations: u64,
-    /// On the drive flank, on the back flank.
+    /// Numbers of contacts on the drive flank and on the back flank.
     pub contacts: [u64; 2],
     pub sticks: u64,
 }
@@ -85,7 +85,7 @@ impl Track {
         Self { shortest: f64::INFINITY, ..Self::default() }
     }
 
-    /// A whole separation ended.
+    /// Adds a separation that was observed as a whole.
     pub fn separated(&mut self, separation: Separation, keep: usize) {
         self.whole += 1;
         self.durations.add(separation.duration);
@@ -96,7 +96,7 @@ impl Track {
         }
     }
 
-    /// An impact on the flank of `side`: contact begins out of the gap, with this approach speed, m/s.
+    /// Adds an impact on the flank of `side`: contact begins out of the gap, with this approach speed, m/s.
     pub fn struck(&mut self, side: f64, approach: f64) {
         if approach > 0.0 {
             self.impacts[usize::from(side < 0.0)].push(approach);

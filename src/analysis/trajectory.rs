@@ -9,16 +9,16 @@ use crate::{
     integrate::DenseStep,
 };
 
-/// Where samples lie.
+/// Grid of the samples in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Grid {
-    /// `per_cycle` samples a forcing cycle, at phases `i T/per_cycle`. Each phase is computed from its
-    /// number, so cycle after cycle has the same phases to the last bit.
+    /// `per_cycle` samples per forcing cycle, at phases `i T/per_cycle`. Each phase is computed from its index, so all cycles have the same
+    /// phases to the last bit.
     Phases {
-        /// Samples a cycle, > 0.
+        /// Samples per cycle, > 0.
         per_cycle: u32,
     },
-    /// Every `interval` seconds from the first instant on: `t₀ + i · interval`, from the number too.
+    /// Every `interval` seconds from the first instant on: `t₀ + i · interval`, from the index too.
     Interval {
         /// Interval, s, > 0.
         interval: f64,
@@ -28,9 +28,9 @@ pub enum Grid {
 /// One sample. At an event it is the state after it.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<'a> {
-    /// Number of the sample, from 0.
+    /// Index of the sample, from 0.
     pub index: u64,
-    /// When.
+    /// Instant of the sample.
     pub at: Instant,
     /// Time, s, rounded to a double.
     pub t: f64,
@@ -40,7 +40,7 @@ pub struct Sample<'a> {
     pub x: &'a [f64],
 }
 
-/// Hands samples to a callback. Call [`finish`](Self::finish) after the run for a sample exactly at its end.
+/// Passes samples to a callback. Call [`finish`](Self::finish) after the run for a sample exactly at its end.
 pub struct Trajectory<F> {
     clock: Clock,
     grid: Grid,
@@ -52,7 +52,7 @@ pub struct Trajectory<F> {
 }
 
 impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
-    /// Samples from `from` on. Without a period a [`Grid::Phases`] has no phases and gives no sample.
+    /// Returns samples from `from` on. Without a period a [`Grid::Phases`] has no phases and gives no sample.
     #[must_use]
     pub fn new(system: &dyn HybridSystem, grid: Grid, from: Instant, row: F) -> Self {
         let clock = *system.clock();
@@ -68,7 +68,7 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
         trajectory
     }
 
-    /// When the next sample is due.
+    /// Returns the instant of the next sample; `None` for a grid without samples.
     #[must_use]
     pub fn due(&self) -> Option<Instant> {
         match self.grid {
@@ -95,7 +95,7 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
         (self.row)(&sample)
     }
 
-    /// The sample at the very end of a run, if one is due there.
+    /// Adds the sample at the end of a run, if one is due there.
     pub fn finish(&mut self, state: &State) -> ControlFlow<()> {
         while let Some(at) = self.due().filter(|at| self.clock.between(*at, state.at) >= 0.0) {
             self.x.copy_from_slice(&state.x);
@@ -108,7 +108,7 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
 impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Observer for Trajectory<F> {
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let span = step.time(until);
-        // A sample exactly at the end belongs to what follows: the state after an event there.
+        // A sample exactly at the end has the state after an event there.
         while let Some(at) = self.due() {
             let elapsed = self.clock.between(step.start(), at);
             if elapsed >= span {

@@ -18,8 +18,8 @@ use crate::{
 
 /// Gauss nodes on a part of a step.
 const NODES: usize = 16;
-/// The largest angle, rad, through which the highest harmonic turns on a part: the rule of 16 nodes is exact to degree 31, and wrong for
-/// `exp(i 16 θ)` by `16³² (16!)⁴/(33 (32!)³)` = 1e-16. Beside a power of θ in a row the error is larger.
+/// Largest angle, rad, of the highest harmonic on a part: the rule of 16 nodes is exact to degree 31, and its error for `exp(i 16 θ)` is
+/// `16³² (16!)⁴/(33 (32!)³)` = 1e-16. With a power of θ in a row the error is larger.
 const LARGEST_ANGLE: f64 = 16.0;
 
 /// Measures the dynamic transmission error `gᵀq = δ + e` of contacts: its mean, the RMS value of its fluctuation, and its harmonics
@@ -28,7 +28,7 @@ const LARGEST_ANGLE: f64 = 16.0;
 /// c_m = 2/T ∫ gᵀq exp(−i m Ω t) dt,    Ω = 2π/period of the forcing,
 /// ```
 ///
-/// by integration of the steps' own polynomials, event to event: nothing is sampled, so nothing is folded back from higher orders.
+/// by integration of the steps' own polynomials from event to event: nothing is sampled, so higher orders do not alias.
 #[derive(Clone, Debug)]
 pub struct TransmissionError<'s, S: ?Sized> {
     system: &'s S,
@@ -46,7 +46,7 @@ pub struct TransmissionError<'s, S: ?Sized> {
 #[derive(Clone, Debug)]
 struct Track {
     contact: usize,
-    /// Its first value. All sums are of differences from it, so a large mean costs no digits.
+    /// First value. All sums are of differences from it, so a large mean costs no digits.
     origin: Option<f64>,
     sum: Sum,
     squares: Sum,
@@ -54,7 +54,7 @@ struct Track {
     harmonics: Vec<[f64; 2]>,
 }
 
-/// The dynamic transmission error of one contact over a measured time.
+/// Dynamic transmission error of one contact over a measured time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TransmissionReport {
     /// Name of the contact.
@@ -63,16 +63,16 @@ pub struct TransmissionReport {
     pub mean: f64,
     /// RMS value of the difference from the mean, m.
     pub rms: f64,
-    /// Largest less smallest value, m.
+    /// Difference of the largest and smallest values, m.
     pub peak_to_peak: f64,
-    /// The harmonics, m = 1, 2, …; none unless the measured time is a whole number of cycles.
+    /// Harmonics, m = 1, 2, …; none unless the measured time is a whole number of cycles.
     pub harmonics: Option<Vec<TransmissionHarmonic>>,
 }
 
-/// The harmonic `a cos(m Ω t + φ)` of a dynamic transmission error.
+/// Harmonic `a cos(m Ω t + φ)` of a dynamic transmission error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TransmissionHarmonic {
-    /// Order m: the multiple of the forcing frequency.
+    /// Order m: multiple of the forcing frequency.
     pub order: u32,
     /// Amplitude a, m.
     pub amplitude: f64,
@@ -81,8 +81,8 @@ pub struct TransmissionHarmonic {
 }
 
 impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
-    /// Measures `contacts` from `from` on (from the start, if none), with the harmonics 1 to `harmonics` of the forcing; with none
-    /// where the forcing has no period.
+    /// Measures `contacts` from `from` on (by default from the start), with the harmonics 1 to `harmonics` of the forcing; without
+    /// harmonics if the forcing has no period.
     #[must_use]
     pub fn new(
         system: &'s S,
@@ -113,7 +113,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
         }
     }
 
-    /// The measures so far, in the order of the given contacts; empty before the measured time begins.
+    /// Returns the measures so far, in the order of the given contacts; empty before the measured time begins.
     #[must_use]
     pub fn reports(&self) -> Vec<TransmissionReport> {
         let time = self.time.value();
@@ -138,7 +138,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
         self.tracks.iter().filter_map(report).collect()
     }
 
-    /// Cosine and sine of the fundamental at the nodes of the piece. In plain time the nodes lie symmetrically about its middle.
+    /// Returns cosine and sine of the fundamental at the nodes of the piece. In plain time the nodes are symmetric about its middle.
     fn fundamental(&self, step: &dyn DenseStep, low: f64, high: f64) -> [[f64; NODES]; 2] {
         let [mut cosines, mut sines] = [[0.0; NODES]; 2];
         let Some(period) = self.clock.period() else { return [cosines, sines] };
@@ -217,7 +217,7 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for TransmissionError<'_, 
             let cycles = self.clock.period().map_or(0.0, |p| (step.time(high) - step.time(low)) / p.value());
             let parts = (TAU * cycles * self.waves.len() as f64 / LARGEST_ANGLE).ceil().max(1.0);
             let end = |i: f64| if i == parts { high } else { low + (high - low) * i / parts };
-            // OK to convert: a step has fewer cycles than 2⁵³.
+            // Exact: a step has fewer cycles than 2⁵³.
             (0..parts as u64).for_each(|i| self.part(step, end(i as f64), end((i + 1) as f64)));
         }
         ControlFlow::Continue(())

@@ -1,4 +1,4 @@
-//! Solvers that choose their steps, straight through kinks and jumps: what `solve_ivp` without events does.
+//! Solvers that choose their steps, across kinks and jumps, as `solve_ivp` without events does.
 
 use std::{cell::RefCell, ops::ControlFlow};
 
@@ -11,7 +11,7 @@ use crate::{
     integrate::{Arc, Before, Choice, DenseStep, IntegrateError, build},
 };
 
-/// A penalty train as one smooth mode, which it is not: the solver has to find out.
+/// Penalty train as one smooth mode, although it has several: the solver has to adapt.
 struct Through<'p> {
     model: &'p Penalty,
     scratch: RefCell<Scratch>,
@@ -81,15 +81,15 @@ impl HybridSystem for Through<'_> {
     }
 }
 
-/// Samples of a solver's step.
+/// Samples in a solver's step.
 const WITHIN: u32 = 4;
 
 impl Penalty {
-    /// Runs an adaptive solver with relative tolerance `rtol` over `grid`. It samples its dense output at the
-    /// points of the grid, and at four places of each of its own steps, the last at the end.
+    /// Runs an adaptive solver with relative tolerance `rtol` over `grid`. It samples its dense output at the points of the grid, and at
+    /// four places of each step, the last at the end.
     ///
     /// # Errors
-    /// [`IntegrateError`] where the solver gives up, as it may at jumps of the force, or is not part of this build.
+    /// [`IntegrateError`] if the solver fails, as it may at jumps of the force, or is not part of this build.
     ///
     /// # Panics
     /// If the train has a rigid contact: there is no force to integrate.
@@ -166,11 +166,11 @@ impl Penalty {
 }
 
 impl Through<'_> {
-    /// Deflections and forces at a sample.
+    /// Computes deflections and forces at a sample.
     fn look(&self, at: Instant, point: &mut Point) {
         let scratch = &mut *self.scratch.borrow_mut();
         scratch.forcing.at(self.model, at, &mut point.moment);
-        // What a step latches is decided at its end, not at samples within it.
+        // The latch of a step is decided at its end, not at samples within it.
         point.contacts.iter_mut().zip(&scratch.touches).for_each(|(touch, known)| touch.latch = known.latch);
         self.model.find_touched(point);
         self.model.arrive(point);

@@ -16,13 +16,13 @@ use super::{
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Alpha {
-    /// α_m.
+    /// Parameter α_m.
     pub mass: f64,
-    /// α_f.
+    /// Parameter α_f.
     pub force: f64,
-    /// β.
+    /// Parameter β.
     pub beta: f64,
-    /// γ.
+    /// Parameter γ.
     pub gamma: f64,
 }
 
@@ -45,32 +45,32 @@ impl Alpha {
     }
 }
 
-/// Newton iterations before a step counts as unconverged.
+/// Most Newton iterations of a step; more count as unconverged.
 const MOST: u32 = 40;
-/// Newton's correction of a deflection at which it stops, relative to its size, its way in a step and the backlash.
+/// Newton's correction of a deflection at which the iteration stops, relative to its size, its change in a step and the backlash.
 const TOLERANCE: f64 = 1e-14;
 
-/// The structure is linear, so Newton's iteration runs on the contacts alone: with `S = (1 − α_m) + (1 − α_f) M⁻¹(γhC + βh²K)`,
-/// factorised once, `a⁺ = S⁻¹ (free − (1 − α_f) Σ M⁻¹g F)`, and the unknowns are the `gᵀa⁺`, one for each contact.
+/// Solver of the method. The structure is linear, so Newton's iteration treats the contacts alone: with `S = (1 − α_m) + (1 − α_f) M⁻¹(γhC
+/// + βh²K)`, factorised once, `a⁺ = S⁻¹ (free − (1 − α_f) Σ M⁻¹g F)`. The unknowns are the `gᵀa⁺`, one for each contact.
 pub(super) struct GeneralisedAlpha {
     alpha: Alpha,
-    /// S.
+    /// Factorised matrix S.
     free: LU<f64, Dyn, Dyn>,
-    /// `(1 − α_f) S⁻¹ M⁻¹ g` of each contact.
+    /// Vectors `(1 − α_f) S⁻¹ M⁻¹ g`, one for each contact.
     answers: Vec<DVector<f64>>,
-    /// `gᵀ answers`, `[m × m]`.
+    /// Matrix `gᵀ answers`, `[m × m]`.
     coupling: DMatrix<f64>,
-    /// The method's accelerations a, and those the equations give at the same point.
+    /// Accelerations a of the method, and those of the equations of motion at the same point.
     a: Vec<f64>,
     true_a: Vec<f64>,
     started: bool,
     end: DVector<f64>,
     predicted: [Vec<f64>; 2],
-    /// `gᵀ a⁺` of each contact: without contact forces, and the unknowns.
+    /// Accelerations `gᵀ a⁺` of each contact: without contact forces, and the unknowns.
     without: Vec<f64>,
     unknowns: Vec<f64>,
     force: Vec<f64>,
-    /// Slopes for which `newton` was factorised; they change when a contact opens or closes, not from step to step.
+    /// Slopes at which `newton` was factorised; they change when a contact opens or closes, not from step to step.
     slopes: Vec<f64>,
     newton: Option<LU<f64, Dyn, Dyn>>,
     residual: DVector<f64>,
@@ -131,7 +131,7 @@ impl GeneralisedAlpha {
                 let (force, by_d, by_r) = model.law(c, forced.stiffness, at, point.contacts[j].latch);
                 self.force[j] = force;
                 let slope = by_d * by_q + by_r * by_v;
-                // Not equal, NaN included.
+                // Unequal, including NaN.
                 changed |= !(slope == self.slopes[j]);
                 self.slopes[j] = slope;
             }
@@ -158,7 +158,7 @@ impl GeneralisedAlpha {
             let mut arrived = true;
             for j in 0..m {
                 self.unknowns[j] += self.residual[j];
-                // A deflection passes through zero; what it moves by in a step does not.
+                // A deflection passes through zero, but its change in a step does not.
                 let [d, r] = point.contacts[j].deflection;
                 let size = d.abs() + h * r.abs() + model.contacts[j].half_backlash.abs();
                 arrived &= by_q * self.residual[j].abs() <= TOLERANCE * size;

@@ -1,24 +1,24 @@
-//! Events as users of fixed-step codes get them: sign changes between samples.
+//! Events as users of fixed-step codes detect them: sign changes between samples.
 
 use std::ops::ControlFlow;
 
 use super::{Penalty, Sample, Watch};
 use crate::gear::contact::Law;
 
-/// A flank passed.
+/// Crossing of a flank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
-    /// When, s after the start.
+    /// Time after the start, s.
     pub t: f64,
-    /// Which contact.
+    /// Index of the contact.
     pub contact: usize,
-    /// Its back flank, `δ = −b`; else its drive flank, `δ = b`.
+    /// True on the back flank, `δ = −b`; false on the drive flank, `δ = b`.
     pub back: bool,
-    /// Into contact; else out of it.
+    /// True if the crossing leads into contact; false if out of it.
     pub closing: bool,
 }
 
-/// How a crossing is placed between two samples.
+/// Interpolation that locates a crossing between two samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
     /// On the straight line between the deflections.
@@ -29,7 +29,7 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    /// Where in `[0, 1]` the distance from the flank passes zero, between values `g` of opposite signs with the slopes
+    /// Returns the place in `[0, 1]` where the distance from the flank is zero, between values `g` of opposite signs with the slopes
     /// `s`, per step.
     fn place(self, g: [f64; 2], s: [f64; 2]) -> f64 {
         let straight = g[0] / (g[0] - g[1]);
@@ -50,22 +50,22 @@ impl Interpolation {
     }
 }
 
-/// Collects the crossings of all flanks of the contacts that can be lost.
+/// Observer that collects the crossings of all flanks of contacts that can open.
 ///
-/// A rigid contact shows its strikes only: it is found beyond a flank once, and mirrored at once.
+/// A rigid contact gives its strikes only: it is found beyond a flank once, and mirrored at once.
 #[derive(Clone, Debug)]
 pub struct Crossings {
-    /// In the order of the samples between which they lie.
+    /// Crossings in the order of the samples between which they lie.
     pub found: Vec<Crossing>,
     interpolation: Interpolation,
-    /// `(contact, half backlash, back, rigid)` of each flank watched.
+    /// Watched flanks: `(contact, half backlash, back, rigid)`.
     flanks: Vec<(usize, f64, bool, bool)>,
     before: Vec<[f64; 2]>,
     t: f64,
 }
 
 impl Crossings {
-    /// Watches the flanks of `model`.
+    /// Returns the observer of the flanks of `model`.
     #[must_use]
     pub fn new(model: &Penalty, interpolation: Interpolation) -> Self {
         let mut flanks = Vec::new();
@@ -95,7 +95,7 @@ impl Watch for Crossings {
                     self.found.push(Crossing { t, contact, back, closing: true });
                 }
             } else if (g[0] > 0.0) != (g[1] > 0.0) && !(g[0] == 0.0 && self.t == 0.0) {
-                // (A start on the flank is no passage of it.)
+                // (A start on the flank is no crossing.)
                 let u = self.interpolation.place(g, [side * r0 * h, side * r1 * h]);
                 self.found.push(Crossing { t: self.t + h * u, contact, back, closing: g[1] > 0.0 });
             }

@@ -1,4 +1,4 @@
-//! The loop of a fixed-step code.
+//! Loop of a fixed-step code.
 
 use std::ops::ControlFlow;
 
@@ -10,18 +10,18 @@ use crate::hybrid::Instant;
 /// Equal steps from an instant on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
-    /// Where the first step starts.
+    /// Start of the first step.
     pub from: Instant,
     /// Length of a step h, s, > 0.
     pub step: f64,
-    /// How many.
+    /// Number of steps.
     pub steps: u64,
 }
 
 /// Work done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counters {
-    /// Steps.
+    /// Number of steps.
     pub steps: u64,
     /// Evaluations of all contact forces, those of Newton's iterations included.
     pub evaluations: u64,
@@ -33,20 +33,20 @@ pub struct Counters {
     pub unconverged: u64,
 }
 
-/// A solution that stopped being finite.
+/// Solution that became infinite or NaN.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("the solution stops being finite at t = {t} s, after {} steps", counters.steps)]
 pub struct Diverged {
-    /// When, s after the start.
+    /// Time after the start at which the solution stops being finite, s.
     pub t: f64,
     /// Work done until then.
     pub counters: Counters,
 }
 
-/// The end of a step (or the start of the run, number 0).
+/// End of a step (or the start of the run, number 0).
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<'a> {
-    /// Number of the grid point; none at an adaptive solver's own steps, between grid points.
+    /// Index of the grid point; none at an adaptive solver's steps between grid points.
     pub number: Option<u64>,
     /// Time since the start, s: `number · h` on the grid.
     pub t: f64,
@@ -54,9 +54,9 @@ pub struct Sample<'a> {
     pub point: &'a Point,
 }
 
-/// Watches a fixed-step run from sample to sample.
+/// Observer of a fixed-step run from sample to sample.
 pub trait Watch {
-    /// One sample; may break the run off.
+    /// Takes one sample; may interrupt the run.
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()>;
 }
 
@@ -75,11 +75,11 @@ impl<T: Watch + ?Sized> Watch for &mut T {
 
 /// A fixed-step method: from the point at the start of a step to coordinates and velocities at its end.
 pub(super) trait Stepper {
-    /// Strides of the forcing in a step: 2 where its middle is used.
+    /// Returns the strides of the forcing in a step: 2 if its middle is used.
     fn strides(&self) -> u32 {
         1
     }
-    /// One step of length h. Leaves `point.moment` at the end of the step.
+    /// Does one step of length h. Leaves `point.moment` at the end of the step.
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters);
 }
 

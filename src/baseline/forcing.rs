@@ -4,10 +4,10 @@ use crate::{
     hybrid::{Clock, Instant},
 };
 
-/// One harmonic of a load, an error or a stiffness: number of its frequency, cosine and sine parts.
+/// One harmonic of a load, an error or a stiffness: index of its frequency, cosine and sine parts.
 pub(super) type Wave = (usize, f64, f64);
 
-/// The wave of `h`, scaled; its frequency is added to the list where it is new.
+/// Returns the wave of `h`, scaled; a new frequency is added to the list.
 pub(super) fn wave(h: &Harmonic, scale: f64, frequencies: &mut Vec<f64>) -> Wave {
     let index = frequencies.iter().position(|f| *f == h.omega).unwrap_or_else(|| {
         frequencies.push(h.omega);
@@ -16,7 +16,7 @@ pub(super) fn wave(h: &Harmonic, scale: f64, frequencies: &mut Vec<f64>) -> Wave
     (index, scale * h.amplitude * libm::cos(h.phase), -scale * h.amplitude * libm::sin(h.phase))
 }
 
-/// A stiffness at time `t`; `waves` are its harmonics.
+/// Returns a stiffness at time `t`; `waves` are its harmonics.
 fn stiffness(stiffness: &Stiffness, waves: &[Wave], t: f64, phasors: &[Phasor]) -> f64 {
     match stiffness {
         Stiffness::Harmonic { mean, .. } => mean + sum(waves, phasors),
@@ -32,15 +32,15 @@ fn sum(waves: &[Wave], phasors: &[Phasor]) -> f64 {
 #[derive(Clone, Copy, Debug)]
 struct Phasor {
     omega: f64,
-    /// Its number as a harmonic of the clock's.
+    /// Order as a harmonic of the clock's frequency, if it is one.
     order: Option<u32>,
     cos: f64,
     sin: f64,
-    /// What a stride turns it by.
+    /// Rotation of one stride: cosine and sine of its angle.
     turn: (f64, f64),
 }
 
-/// What depends on time alone, at one instant.
+/// Terms that depend on time alone, at one instant.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Moment {
     /// The contacts.
@@ -49,7 +49,7 @@ pub(super) struct Moment {
     pub load: Vec<f64>,
 }
 
-/// What depends on time alone at one contact.
+/// Terms of one contact that depend on time alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Forced {
     /// Stiffness, N/m.
@@ -58,10 +58,10 @@ pub(super) struct Forced {
     pub error: [f64; 2],
 }
 
-/// The forcing on a grid of equal strides.
+/// Forcing on a grid of equal strides.
 ///
-/// Angles turn by complex rotation and are put right every [`FRESH`] strides, so a step costs no sine. Times are
-/// products of whole numbers, never sums: a long run keeps its phase.
+/// Angles turn by complex rotation and are recomputed every [`FRESH`] strides, so a step needs no sine. Times are products of whole
+/// numbers, never sums: a long run keeps its phase.
 #[derive(Clone, Debug)]
 pub(super) struct Forcing {
     clock: Clock,
@@ -74,7 +74,7 @@ pub(super) struct Forcing {
     phasors: Vec<Phasor>,
 }
 
-/// Strides between fresh angles: the rotations' rounding stays below 1e-14.
+/// Strides between recomputed angles: the rounding of the rotations stays below 1e-14.
 const FRESH: u64 = 32;
 
 impl Forcing {
@@ -102,7 +102,7 @@ impl Forcing {
         forcing
     }
 
-    /// Cosines and sines at any instant.
+    /// Sets the cosines and sines for any instant.
     fn stand(&mut self, at: Instant) {
         self.t = self.clock.time(at).value();
         for p in &mut self.phasors {
@@ -110,7 +110,7 @@ impl Forcing {
         }
     }
 
-    /// One stride on; the moment there.
+    /// Advances by one stride, and computes the moment there.
     pub fn advance(&mut self, model: &Penalty, out: &mut Moment) {
         self.index += 1;
         if self.index.is_multiple_of(FRESH) {
@@ -124,15 +124,15 @@ impl Forcing {
         self.moment(model, out);
     }
 
-    /// The moment at any instant, off the grid.
+    /// Computes the moment at any instant, off the grid.
     pub fn at(&mut self, model: &Penalty, at: Instant, out: &mut Moment) {
         self.stand(at);
         self.moment(model, out);
     }
 
-    /// The moment it stands at.
+    /// Computes the moment at the present instant.
     pub fn moment(&self, model: &Penalty, out: &mut Moment) {
-        // What is constant is in there from the start.
+        // Constant terms are in it from the start.
         for &j in &model.varying {
             let (c, forced) = (&model.contacts[j], &mut out.contacts[j]);
             forced.stiffness = stiffness(&c.stiffness, &c.stiffness_waves, self.t, &self.phasors);

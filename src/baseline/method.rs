@@ -1,4 +1,4 @@
-//! The explicit methods, and the choice among all.
+//! Explicit methods, and the choice among all.
 
 use super::{
     Alpha, Penalty, Point,
@@ -21,7 +21,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// Order on smooth problems.
+    /// Returns the order on smooth problems.
     #[must_use]
     pub fn order(self) -> u32 {
         match self {
@@ -31,9 +31,9 @@ impl Method {
         }
     }
 
-    /// Largest `h ω` at which an undamped oscillation of frequency ω does not grow; `None` for a method that is stable at any.
+    /// Returns the largest `h ω` without growth of an undamped oscillation of frequency ω; `None` for an unconditionally stable method.
     ///
-    /// `2√2` for RK4, 2 for semi-implicit Euler and velocity Verlet.
+    /// The limit is `2√2` for RK4, 2 for semi-implicit Euler and velocity Verlet.
     #[must_use]
     pub fn stability_limit(self) -> Option<f64> {
         match self {
@@ -53,9 +53,9 @@ impl Method {
     }
 }
 
-/// The classical Runge–Kutta method of order 4, four evaluations a step.
+/// Classical Runge–Kutta method of order 4, four evaluations a step.
 ///
-/// On a force with a kink it is of order 2 once the kink falls inside steps, and of order 1 where the force jumps.
+/// On a force with a kink it has order 2 if the kink lies inside steps, and order 1 if the force jumps.
 struct RungeKutta {
     middle: Moment,
     q: Vec<f64>,
@@ -63,11 +63,11 @@ struct RungeKutta {
     stages: [Stage; 4],
 }
 
-/// Slopes of a stage.
+/// Derivatives at a stage.
 struct Stage {
-    /// Of coordinates: velocities.
+    /// Derivatives of coordinates: velocities.
     v: Vec<f64>,
-    /// Of velocities: accelerations.
+    /// Derivatives of velocities: accelerations.
     a: Vec<f64>,
 }
 

@@ -1,17 +1,17 @@
-//! Fixed-step penalty codes, written as their best practitioners would: what Flank is measured against.
+//! Fixed-step penalty codes in the best usual form: the references against which Flank is measured.
 //!
-//! A baseline sees the same train, the same loads and the same contact laws as the engine, and knows no events, on
-//! purpose: the force is whatever the law gives at the deflection of the moment, a step runs across a flank without
-//! noticing, and contact starts and ends are read off afterwards from sign changes between samples.
+//! A baseline has the train, loads and contact laws of the engine, but no events, on purpose. The force is that of the law at the present
+//! deflection, and a step crosses a flank without detecting it. Starts and ends of contact follow afterwards from sign changes between
+//! samples.
 //!
-//! | file | what it holds |
+//! | file | content |
 //! |---|---|
 //! | `penalty` | the train without modes; impacts of rigid contacts at the ends of steps |
 //! | `ramp` | sharp and smoothed `max(p, 0)` |
-//! | `forcing` | what depends on time alone, on a grid of equal steps |
+//! | `forcing` | terms that depend on time alone, on a grid of equal steps |
 //! | `method`, `alpha` | the methods |
-//! | `adaptive` | solvers that choose their steps, straight through the kinks |
-//! | `drive` | the loop, and what it can be asked to watch |
+//! | `adaptive` | solvers that choose their steps, across the kinks |
+//! | `drive` | the loop, and its observers |
 //! | `crossing` | events from sign changes |
 
 mod adaptive;

@@ -1,4 +1,4 @@
-//! The train as a penalty code sees it: one right-hand side for every place a mesh can be in.
+//! Train of a penalty code: one right-hand side for all modes of a mesh.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -15,16 +15,16 @@ use crate::{
     system::{Flanks, Structure},
 };
 
-/// A contact without modes.
+/// Contact without modes.
 #[derive(Clone, Debug)]
 pub(super) struct Contact {
     pub law: Law,
     pub half_backlash: f64,
     pub has_back: bool,
-    /// `g` and `M⁻¹ g`, their entries that are not zero.
+    /// Nonzero entries of `g` and `M⁻¹ g`.
     pub direction: Vec<(u32, f64)>,
     pub push: Vec<(u32, f64)>,
-    /// `gᵀ M⁻¹ g`, 1/kg.
+    /// Mobility `gᵀ M⁻¹ g`, 1/kg.
     pub mobility: f64,
     pub stiffness: Stiffness,
     pub stiffness_waves: Vec<Wave>,
@@ -34,14 +34,14 @@ pub(super) struct Contact {
 }
 
 impl Contact {
-    /// Deflection and its rate.
+    /// Returns the deflection and its rate.
     #[inline]
     pub fn deflection(&self, forced: &Forced, q: &[f64], v: &[f64]) -> [f64; 2] {
         let [e, de] = forced.error;
         self.direction.iter().fold([-e, -de], |[d, r], (i, g)| [d + g * q[*i as usize], r + g * v[*i as usize]])
     }
 
-    /// Penetration beyond a flank, positive on it, and the flank's side.
+    /// Returns the penetration beyond a flank, positive on it, and the flank's side.
     #[inline]
     pub fn penetration(&self, d: f64) -> (f64, f64) {
         if self.has_back && d < 0.0 { (-d - self.half_backlash, -1.0) } else { (d - self.half_backlash, 1.0) }
@@ -51,8 +51,8 @@ impl Contact {
         matches!(self.law, Law::Rigid(_))
     }
 
-    /// Keeps the approach speed at the end of a step, with penetration `p` on the flank of `side` and the rate `r` of the
-    /// deflection. Outside it is the speed of the moment: the stages of the step that enters contact need one.
+    /// Stores the approach speed at the end of a step, with penetration `p` on the flank of `side` and the rate `r` of the deflection.
+    /// Outside contact it is the present speed: the stages of the step that enters contact need one.
     pub fn latch(&self, (p, side): (f64, f64), r: f64, touch: &mut Touch) {
         if let Law::Power(law) = self.law {
             if p <= 0.0 {
@@ -65,20 +65,20 @@ impl Contact {
     }
 }
 
-/// A train as a penalty code sees it: `q̈ = M⁻¹ (f − C q̇ − K q − Σ g F(δ, δ̇, t))`, with F the law at the deflection of the
-/// moment, zero inside the gap, sharp or smoothed.
+/// Train of a penalty code: `q̈ = M⁻¹ (f − C q̇ − K q − Σ g F(δ, δ̇, t))`, with F the law at the present deflection, zero inside the gap,
+/// sharp or smoothed.
 ///
-/// Laws with hysteresis take the speed at the start of the step that enters contact, and from its end on the one found
-/// there. Forces that a law says never pull are cut at zero. Rigid contacts have no force; a step that ends beyond a flank is mirrored in it.
+/// Laws with hysteresis use the speed at the start of the step that enters contact, and from its end on the speed there. Forces that a law
+/// restricts to pushing are cut at zero. Rigid contacts have no force; a step that ends beyond a flank is mirrored in it.
 #[derive(Clone, Debug)]
 pub struct Penalty {
     pub(super) clock: Clock,
     pub(super) n: usize,
-    /// Rows of `M⁻¹K` and `M⁻¹C` together.
+    /// Rows of `M⁻¹K` and `M⁻¹C`, side by side.
     pub(super) rows: Vec<Vec<(u32, f64, f64)>>,
     pub(super) load: Vec<f64>,
     pub(super) load_waves: Vec<(usize, Vec<f64>, Vec<f64>)>,
-    /// Loads that follow a schedule, over M.
+    /// Loads with a schedule, over M.
     pub(super) load_schedules: Vec<(Stiffness, Vec<f64>)>,
     pub(super) frequencies: Vec<f64>,
     pub(super) contacts: Vec<Contact>,
@@ -89,7 +89,7 @@ pub struct Penalty {
     stiffness: DMatrix<f64>,
 }
 
-/// A point of a fixed-step solution.
+/// Point of a fixed-step solution.
 #[derive(Clone, Debug, Default)]
 pub struct Point {
     /// Coordinates, m, `[n]`.
@@ -102,33 +102,33 @@ pub struct Point {
 }
 
 impl Point {
-    /// Force of each contact, N.
+    /// Returns the force of each contact, N.
     pub(super) fn forces(&self) -> impl Iterator<Item = f64> {
         self.contacts.iter().map(|touch| touch.force)
     }
 }
 
-/// A contact at a [`Point`].
+/// Contact at a [`Point`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Touch {
     /// Deflection and its rate, m, m/s.
     pub deflection: [f64; 2],
     /// Force along its direction, N.
     pub force: f64,
-    /// Approach speed it latched last, m/s.
+    /// Approach speed that the contact latched last, m/s.
     pub latch: f64,
-    /// Where it was struck on the step that ended here, if it is rigid and was.
+    /// Strike of a rigid contact on the step that ended here, if there was one.
     pub(super) strike: Option<Strike>,
-    /// Whether it was beyond a flank at the end of the step.
+    /// True if the contact was beyond a flank at the end of the step.
     pub(super) touched: bool,
 }
 
-/// A rigid contact found beyond a flank at the end of a step.
+/// Rigid contact found beyond a flank at the end of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Strike {
     /// +1 on the drive flank, −1 on the back flank.
     pub side: f64,
-    /// Where on the step the straight line between the deflections passes the flank, `[0, 1]`.
+    /// Place on the step, `[0, 1]`, at which the straight line between the deflections passes the flank.
     pub place: f64,
 }
 
@@ -137,7 +137,7 @@ fn entries(values: &[f64]) -> Vec<(u32, f64)> {
 }
 
 impl Penalty {
-    /// The penalty form of a train that was assembled for the engine.
+    /// Returns the penalty form of a train that was assembled for the engine.
     #[must_use]
     pub fn new(structure: &Structure, ramp: Ramp) -> Self {
         let spec = structure.spec();
@@ -199,18 +199,18 @@ impl Penalty {
         }
     }
 
-    /// Number of contacts.
+    /// Returns the number of contacts.
     pub(crate) fn contacts(&self) -> usize {
         self.contacts.len()
     }
 
-    /// Whether each contact is rigid.
+    /// Returns for each contact whether it is rigid.
     pub(crate) fn rigid(&self) -> Vec<bool> {
         self.contacts.iter().map(Contact::is_rigid).collect()
     }
 
-    /// Force of a contact at deflection `d`, m, and rate `r`, m/s, with stiffness `k` and latched speed `latch`; and its
-    /// slopes by d and by r, which implicit methods need.
+    /// Returns the force of a contact at deflection `d`, m, and rate `r`, m/s, with stiffness `k` and latched speed `latch`. Also returns
+    /// its derivatives by d and by r, which implicit methods need.
     #[inline(always)]
     pub(super) fn law(&self, c: &Contact, k: f64, [d, r]: [f64; 2], latch: f64) -> (f64, f64, f64) {
         let (law, b) = (&c.law, c.half_backlash);
@@ -218,7 +218,7 @@ impl Penalty {
             return (k * d + l.damping * r, k, l.damping);
         }
         if self.ramp == Ramp::Sharp {
-            // On one flank at most. The back flank is the drive flank seen in a mirror.
+            // On one flank at most. The back flank is the mirror image of the drive flank.
             let (p, side) = c.penetration(d);
             if p <= 0.0 {
                 return (0.0, 0.0, 0.0);
@@ -234,7 +234,7 @@ impl Penalty {
         (drive.0 - back.0, drive.1 + back.1, drive.2 + back.2)
     }
 
-    /// The same on one flank, by its penetration and the rate of that.
+    /// Returns the same on one flank, by its penetration and the rate of that.
     #[inline(always)]
     fn one_flank(&self, law: &Law, k: f64, p: f64, rate: f64, latch: f64) -> (f64, f64, f64) {
         let [depth, closed, curvature] = self.ramp.at(p);
@@ -250,7 +250,7 @@ impl Penalty {
             Law::Power(l) => {
                 let depth = depth.max(0.0);
                 let n = l.exponent.value();
-                // OK to compare: a scene says 1.5.
+                // Exact comparison: 1.5 comes from the scene.
                 let lower = if n == 1.5 { depth.sqrt() } else { libm::pow(depth, n - 1.0) };
                 let chi = if l.hysteresis > 0.0 { l.hysteresis / latch } else { 0.0 };
                 let factor = 1.0 + chi * rate;
@@ -264,20 +264,20 @@ impl Penalty {
         }
     }
 
-    /// The point with coordinates `q` and velocities `v`, `[n]` each, at an instant, as a run that starts there sees it.
+    /// Returns the point with coordinates `q` and velocities `v`, `[n]` each, at an instant, in the state of a run that starts there.
     #[must_use]
     pub fn point(&self, at: Instant, q: &[f64], v: &[f64]) -> Point {
         let initial = |c: &Contact| if let Law::Power(l) = c.law { l.initial_speed } else { 0.0 };
         let contacts = self.contacts.iter().map(|c| Touch { latch: initial(c), ..Touch::default() }).collect();
         let mut point = Point { q: q.to_vec(), v: v.to_vec(), contacts, moment: self.moment() };
         Forcing::new(self, at, 0.0).moment(self, &mut point.moment);
-        // A start beyond a flank latches nothing: the scene says with which speed contact began.
+        // A start beyond a flank latches nothing: the scene gives the speed at the start of contact.
         self.find_touched(&mut point);
         self.arrive(&mut point);
         point
     }
 
-    /// Which contacts are beyond a flank.
+    /// Sets `touched` of every contact: true beyond a flank.
     pub(super) fn find_touched(&self, point: &mut Point) {
         for ((c, forced), touch) in self.contacts.iter().zip(&point.moment.contacts).zip(&mut point.contacts) {
             touch.touched = c.penetration(c.deflection(forced, &point.q, &point.v)[0]).0 > 0.0;
@@ -292,7 +292,7 @@ impl Penalty {
         Moment { contacts: self.contacts.iter().map(constant).collect(), load: self.load.clone() }
     }
 
-    /// Forces at a state that a step has not ended in.
+    /// Computes forces at a state inside a step.
     #[inline]
     pub(super) fn forces(&self, moment: &Moment, q: &[f64], v: &[f64], touches: &[Touch], force: &mut [f64]) {
         let contacts = self.contacts.iter().zip(&moment.contacts).zip(touches);
@@ -301,7 +301,7 @@ impl Penalty {
         }
     }
 
-    /// Accelerations under contact forces, m/s², `[n]`.
+    /// Computes accelerations under contact forces, m/s², `[n]`.
     #[inline]
     pub(super) fn accelerations(
         &self,
@@ -321,7 +321,7 @@ impl Penalty {
         }
     }
 
-    /// What the end of a step brings: deflections, impacts of rigid contacts, latched speeds, forces.
+    /// Completes the end of a step: deflections, impacts of rigid contacts, latched speeds, forces.
     pub(super) fn arrive(&self, point: &mut Point) {
         let Point { q, v, contacts, moment } = point;
         let mut struck = false;
@@ -334,7 +334,7 @@ impl Penalty {
                 && p > 0.0
                 && side * at[1] > 0.0
             {
-                // Mirrored in the flank: as far back as the rebound speed would have carried it.
+                // Mirrored in the flank: as far back as the rebound speed would have moved it.
                 let back = (1.0 + law.restitution.at(side * at[1])) / c.mobility;
                 for (i, push) in &c.push {
                     q[*i as usize] -= push * back * side * p;
@@ -349,7 +349,7 @@ impl Penalty {
             touch.force = self.law(c, forced.stiffness, at, touch.latch).0;
         }
         if struck {
-            // One contact's impact moves the others.
+            // The impact of one contact moves the others.
             for ((c, forced), touch) in self.contacts.iter().zip(&moment.contacts).zip(contacts.iter_mut()) {
                 touch.deflection = c.deflection(forced, q, v);
                 touch.force = self.law(c, forced.stiffness, touch.deflection, touch.latch).0;
@@ -357,7 +357,7 @@ impl Penalty {
         }
     }
 
-    /// Mechanical energy, J: kinetic, of the structure, and of the springs (sharp penetrations).
+    /// Returns the mechanical energy, J: kinetic, of the structure, and of the springs (sharp penetrations).
     #[must_use]
     pub fn energy(&self, point: &Point) -> f64 {
         let (q, v) = (DVector::from_column_slice(&point.q), DVector::from_column_slice(&point.v));

@@ -1,6 +1,6 @@
-/// The penetration a penalty law sees: `max(p, 0)`, sharp or smoothed over a width `1/σ`, σ in 1/m.
+/// Penetration in a penalty law: `max(p, 0)`, sharp or smoothed over a width `1/σ`, σ in 1/m.
 ///
-/// Each form is `r(p)` with its slope `r′(p)`, which stands for the contact being closed: it multiplies the damping.
+/// Each form is `r(p)` with its slope `r′(p)`, which measures how far the contact is closed: it multiplies the damping.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Ramp {
     /// `max(p, 0)`.
@@ -17,7 +17,7 @@ pub enum Ramp {
 }
 
 impl Ramp {
-    /// `r(p)`, `r′(p)` and `r″(p)`; the last, which implicit methods need, is 0 at the corner of the sharp form.
+    /// Returns `r(p)`, `r′(p)` and `r″(p)`; the last, which implicit methods need, is 0 at the corner of the sharp form.
     #[inline(always)]
     #[must_use]
     pub fn at(self, p: f64) -> [f64; 3] {
@@ -48,7 +48,7 @@ impl Ramp {
         }
     }
 
-    /// Largest `|r(p) − max(p, 0)|`, m: `½ max u (1 − tanh u) = 0.139232` in units of 1/σ for tanh.
+    /// Returns the largest `|r(p) − max(p, 0)|`, m: `½ max u (1 − tanh u) = 0.139232` in units of 1/σ for tanh.
     #[must_use]
     pub fn bias(self) -> f64 {
         match self {
@@ -59,7 +59,7 @@ impl Ramp {
         }
     }
 
-    /// Sharpness σ, 1/m; none for the sharp form.
+    /// Returns the sharpness σ, 1/m; none for the sharp form.
     pub(crate) fn sharpness(self) -> Option<f64> {
         match self {
             Self::Sharp => None,

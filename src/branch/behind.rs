@@ -1,4 +1,4 @@
-//! What is behind a rigid graze: the orbit without the impact, or with it, on whichever side of the value it lies.
+//! Search behind a rigid graze: for the orbit without the impact, or with it, on either side of the value.
 
 use super::{
     follow::{Change, Vanishing, vanishing},
@@ -7,7 +7,7 @@ use super::{
     special::{Sought, Trail},
 };
 
-/// Steps, in ranges, by which orbits behind a rigid graze are looked for; largest distance of such an orbit.
+/// Steps, in ranges, at which orbits behind a rigid graze are searched for; largest distance of such an orbit.
 const BEHIND: [f64; 4] = [1e-4, 1e-3, 1e-5, 1e-2];
 const NEARBY: f64 = 0.1;
 /// Largest difference of two values for one graze: in ranges, and in errors of the first one.
@@ -15,9 +15,9 @@ const SAME: f64 = 1e-6;
 const ERRORS: f64 = 10.0;
 
 impl Solver<'_> {
-    /// Locates a rigid graze from the orbit `behind` it, and takes this value where it agrees and has a smaller error. Seen from the impacts, orbits close
-    /// to the graze are badly conditioned: an impact of speed v has a derivative of size 1/v. Returns the trail of the graze along the orbits
-    /// without the impact.
+    /// Locates a rigid graze from the orbit `behind` it, and takes that value if it agrees and has a smaller error. Orbits with the impact
+    /// are badly conditioned close to the graze: an impact of speed v has a derivative of size 1/v. Returns the trail of the graze along
+    /// the orbits without the impact.
     pub fn refine_from_behind(&self, near: &mut Located, behind: &Node, contact: usize) -> Option<Trail> {
         let (own, range) = (near.value, self.family.range());
         let is_same = |node: &Node| Change::of(&behind.course, &node.course) == Change::None;
@@ -39,7 +39,7 @@ impl Solver<'_> {
         Some(Trail { sought: Sought::Limit(key), seed: best.node.seed(&best.node.tangent), from: best.from })
     }
 
-    /// Looks on both sides of a rigid graze for an orbit with the other events.
+    /// Searches both sides of a rigid graze for an orbit with the other events.
     pub fn look_behind(&self, near: &Located) -> Option<Node> {
         let (range, second) = (self.family.range(), near.second);
         let sides = BEHIND.iter().flat_map(|step| [*step, -step]);

@@ -1,4 +1,4 @@
-//! What an orbit passes in a period: its events, and how near it comes to others.
+//! Course of an orbit over a period: its events, and its least distances from further events.
 
 use std::ops::ControlFlow;
 
@@ -16,34 +16,34 @@ use crate::{
     system::{Structure, contact_mode, guard_of},
 };
 
-/// Share of the size of a guard that steps may differ by where they meet.
+/// Share of the size of a guard by which two steps may differ at their common end.
 const SMOOTH: f64 = 1e-9;
-/// Share of a step within which a least value counts as one where two steps meet.
+/// Share of a step within which a least value counts as one at the common end of two steps.
 const NEAR: f64 = 1e-6;
 
-/// A place at which a guard that does not fire is least.
+/// Least value of a guard that does not fire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Low {
-    /// Which contact.
+    /// Index of the contact.
     pub contact: usize,
-    /// Which guard.
+    /// Guard.
     pub watch: Watch,
-    /// Whether the contact is closed there.
+    /// True if the contact is closed there.
     pub is_closed: bool,
-    /// Events before it.
+    /// Number of events before it.
     pub after: usize,
-    /// The guard there, in its own unit, positive inside the mode.
+    /// Value of the guard there, in the unit of the guard, positive inside the mode.
     pub value: f64,
 }
 
 /// The beginning of a rest of a rigid contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rest {
-    /// Which contact.
+    /// Index of the contact.
     pub contact: usize,
     /// Its load at that instant, positive.
     pub load: f64,
-    /// Time summed at the end of the impacts that lead to it, cycles.
+    /// Time summed at the end of the impacts that lead to the rest, cycles.
     pub remaining: f64,
     /// Uncertainty of the instant, cycles.
     pub uncertainty: f64,
@@ -54,7 +54,7 @@ pub struct Rest {
 pub struct Course {
     /// Events in order.
     pub letters: Vec<Letter>,
-    /// When each happens, cycles after the section.
+    /// Time of each event after the section, cycles.
     pub times: Vec<f64>,
     /// Least values of guards, in order.
     pub lows: Vec<Low>,
@@ -62,7 +62,7 @@ pub struct Course {
     pub rests: Vec<Rest>,
 }
 
-/// Looks for least values along steps.
+/// Search for least values along steps.
 struct Lowest<'s> {
     structure: &'s Structure,
     x: Vec<f64>,
@@ -70,9 +70,9 @@ struct Lowest<'s> {
     lows: Vec<Low>,
     rests: Vec<Rest>,
     events: usize,
-    /// Each guard at the end of the last step; none behind an event.
+    /// Each guard at the end of the last step; empty behind an event.
     ends: Vec<(GuardId, End)>,
-    /// The same at the section, as the orbit leaves it.
+    /// Each guard at the section, as the orbit leaves it.
     starts: Vec<(GuardId, End)>,
 }
 
@@ -92,9 +92,9 @@ impl Lowest<'_> {
         self.lows.push(Low { contact, watch, is_closed, after: self.events, value });
     }
 
-    /// Takes what is least where one step meets the next one. There a guard can jump, or have a corner: where the stiffness or a forcing does.
+    /// Takes the least value at the common end of two steps. A guard jumps or has a corner there if the stiffness or a forcing does.
     fn meet(&mut self, id: GuardId, end: End, start: End) {
-        // What differs by rounding alone is no jump.
+        // A difference within rounding is no jump.
         let jump = start.value - end.value;
         let jump = if jump.abs() <= SMOOTH * start.size.max(end.value.abs()) { 0.0 } else { jump };
         // By rounding, a least value there may seem to lie beside it, in neither of the steps.
@@ -108,7 +108,7 @@ impl Lowest<'_> {
         }
     }
 
-    /// Takes what is least at the section, where the orbit closes.
+    /// Takes the least values at the section, where the orbit closes.
     fn close(&mut self) {
         for (id, end) in std::mem::take(&mut self.ends) {
             let start = self.starts.iter().find(|(other, _)| *other == id).map(|(_, start)| *start);
@@ -188,7 +188,7 @@ impl Observer for Lowest<'_> {
 }
 
 impl Course {
-    /// Of the orbit of `period` cycles through `section`.
+    /// Returns the course of the orbit of `period` cycles through `section`.
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails.
@@ -216,14 +216,14 @@ impl Course {
         Ok(Self { letters: speller.letters, times, lows: lowest.lows, rests })
     }
 
-    /// The tokens in order of time; those of one instant in alphabetic order.
+    /// Returns the tokens in order of time; those of one instant in alphabetic order.
     #[must_use]
     pub fn tokens(&self) -> Vec<&str> {
         self.letters.iter().map(|letter| letter.token.as_str()).collect()
     }
 
-    /// The shortest time from an event of a contact to the next one of it, by the first letters of their tokens, cycles; no bound if there is
-    /// none.
+    /// Returns the shortest time from an event of a contact to its next one, by the first letters of their tokens, cycles; infinite if
+    /// there is none.
     #[must_use]
     pub fn shortest(&self, contact: usize, from: char, to: char) -> f64 {
         let own: Vec<usize> = (0..self.letters.len()).filter(|i| self.letters[*i].contact == contact).collect();
@@ -235,18 +235,18 @@ impl Course {
         pairs.map(|(i, k)| (self.times[*k] - self.times[*i]).rem_euclid(last)).fold(f64::INFINITY, f64::min)
     }
 
-    /// The rest that begins with the least load.
+    /// Returns the rest that begins with the least load.
     pub fn weakest(&self) -> Option<&Rest> {
         self.rests.iter().min_by(|a, b| a.load.total_cmp(&b.load))
     }
 
-    /// Time from the first instant of a rest to the next event of its contact, cycles; the shortest of this contact.
+    /// Returns the shortest time from the first instant of a rest to the next event of its contact, cycles.
     pub fn stay(&self, rest: &Rest) -> f64 {
         self.shortest(rest.contact, 'z', 'l')
     }
 
-    /// The middle of the longest part of the period of the forcing without an event in any cycle, as a part of it, from `phase` where the
-    /// section stands.
+    /// Returns the middle of the longest part of the forcing period without an event in any cycle, as a share of the period. `phase` is the
+    /// phase of the section.
     #[must_use]
     pub fn quiet(&self, phase: f64) -> f64 {
         let mut all: Vec<f64> = self.times.iter().map(|time| (phase + time).rem_euclid(1.0)).collect();
@@ -257,7 +257,7 @@ impl Course {
         widest.map_or(phase, |gap| (0.5 * (gap[0] + gap[1])).rem_euclid(1.0))
     }
 
-    /// Time between the section and the event nearest to it, cycles.
+    /// Returns the time between the section and the event nearest to it, cycles.
     #[must_use]
     pub fn clearance(&self) -> f64 {
         self.times.iter().map(|time| (time - time.round()).abs()).fold(0.5, f64::min)

@@ -1,4 +1,4 @@
-//! Special points followed in a second number: curves in the plane of both.
+//! Curves of special points in the plane of the parameter and a second number.
 
 use std::rc::Rc;
 
@@ -19,34 +19,34 @@ use crate::{
 
 /// Length of the first step, in scales of states and ranges of both numbers; the others are as on a branch.
 const FIRST: f64 = 0.003;
-/// How far aside of the guess a point is looked for, in steps: of the first step, whose direction is not known yet, and of the others.
+/// Distances across the curve at which a point is searched for, in steps: of the first step, of unknown direction, and of the others.
 const ASIDE_FIRST: [f64; 3] = [1.0, 4.0, 15.0];
 const ASIDE: [f64; 3] = [0.3, 1.0, 3.0];
-/// Distance of the orbit that a limit is taken from, in that of the one before.
+/// Distances of the orbit that a limit is taken from, relative to that of the last limit.
 const FROM: [f64; 3] = [1.0, 4.0, 0.3];
 /// Cosine of the turn that a step may make: 18°.
 const TURN: f64 = 0.95;
 /// Points of a curve in one direction at most.
 const MOST: usize = 500;
-/// Distance, in ranges, of the last orbit before a limit from it.
+/// Distance between a limit and the last orbit before it, in ranges.
 const NEAR: f64 = 1e-6;
 /// Distance, in ranges, from a chord of a curve within which a point with the same word lies on the curve.
 const SAME: f64 = 3e-4;
-/// Distance of the neighbour that shows where to look, in scales.
+/// Distance of the neighbour that defines the direction across the curve, in scales.
 const BESIDE: f64 = 1e-3;
-/// Steps of the search for the point at which a curve turns.
+/// Steps of the search for a turning point of a curve.
 const TURNS: usize = 12;
-/// Length of three points below which a turn is none.
+/// Length of three points below which a turn is ignored as rounding.
 const NOISE: f64 = 1e-4;
-/// Share of three points' length within which that point is found, and within which both numbers turn at a cusp.
+/// Share of the length of three points to which the turning point is found, and within which both numbers turn at a cusp.
 const TURNED: f64 = 1e-6;
 const CUSP: f64 = 1e-3;
-/// Points that a closed curve has at least.
+/// Least number of points of a closed curve.
 const FEWEST: usize = 3;
-/// How a closed curve ends.
+/// End of a closed curve, in words.
 const CLOSED: &str = "it comes back to its start";
 
-/// What makes a point of a curve special in its turn.
+/// Kinds of points of codimension two on a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Codimension {
     /// The curve has a cusp: both numbers turn at once.
@@ -58,7 +58,7 @@ pub enum Codimension {
 }
 
 impl Codimension {
-    /// As files have it.
+    /// Returns its word in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -80,26 +80,26 @@ pub struct CurvePoint {
     pub period: u64,
     /// Its word in normal form.
     pub word: String,
-    /// As that of a special point.
+    /// Residual, as of [`Special`].
     pub residual: f64,
-    /// As that of a special point.
+    /// Uncertainty, as of [`Special`].
     pub uncertainty: f64,
-    /// What it is besides.
+    /// Kind of codimension two, if any.
     pub codimension_two: Option<Codimension>,
 }
 
 /// Special points of one kind along a second number.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Curve {
-    /// What changes there.
+    /// Kind of the special points.
     pub kind: Kind,
     /// Its points in order.
     pub points: Vec<CurvePoint>,
-    /// How it ends at its two ends, first point first.
+    /// Reasons for its two ends, in words, at the first point and at the last one.
     pub ends: [String; 2],
 }
 
-/// Where a curve has come to.
+/// Foremost point of a curve that is followed.
 #[derive(Clone)]
 struct Head {
     node: Node,
@@ -107,7 +107,7 @@ struct Head {
     /// Residual and uncertainty.
     quality: [f64; 2],
     sought: Sought,
-    /// The point before; the way goes on away from it.
+    /// Point before; the curve is followed away from it.
     before: Spot,
     /// A neighbour on the side to which the special point is passed.
     beside: Spot,
@@ -116,7 +116,7 @@ struct Head {
 }
 
 impl Head {
-    /// Along the curve, and across it.
+    /// Returns the directions along the curve and across it.
     fn directions(&self, ranges: [f64; 2]) -> (Direction, Direction) {
         let here = Spot::of(&self.node);
         let (along, _) = self.node.direction(&self.before, &here, ranges);
@@ -141,8 +141,8 @@ impl Head {
     }
 }
 
-/// The special points of `kind` on `branches` of `family`, which has a second number, along that number; or what is left of that after
-/// `earlier` curves. `each` is told of every curve that is finished.
+/// Returns the curves of special points of `kind` that start on `branches` of `family`, which has a second number; those in `earlier` are
+/// kept and not followed again. Calls `each` after every curve that is finished.
 ///
 /// # Errors
 /// [`SimulationError`] if the scene's own train cannot be built, or what `each` returns.
@@ -177,7 +177,7 @@ pub fn curves(
 }
 
 impl Solver<'_> {
-    /// Whether a special point of a branch lies on a curve that is known.
+    /// Returns whether a special point of a branch lies on a known curve.
     fn is_on(&self, curve: &Curve, special: &Special) -> bool {
         let (ranges, place) = (self.family.ranges(), [special.value, self.family.own_place()[1]]);
         // Where two events coincide both orders of them are words of the curve.
@@ -192,7 +192,7 @@ impl Solver<'_> {
         curve.points.windows(2).any(passes)
     }
 
-    /// The curve through a special point, both ways.
+    /// Returns the curve through a special point, followed in both directions.
     fn curve(&self, special: &Special, task: Task<'_>) -> Option<Curve> {
         let ranges = self.family.ranges();
         let Trail { sought, seed, from } = &special.trail;
@@ -223,12 +223,12 @@ impl Solver<'_> {
         Some(Curve { kind: special.kind, points, ends })
     }
 
-    /// The same on a plane.
+    /// Returns the solver with all points on a plane.
     fn within(&self, slice: Plane) -> Self {
         Self { slice: Some(slice), drift: self.drift.clone(), spent: Rc::clone(&self.spent), ..*self }
     }
 
-    /// Follows a curve from a point on: its points, how it ends, and the first of them.
+    /// Follows a curve from a point on; returns its points, the reason for its end, and the first of them.
     fn advance(&self, start: &Head, kind: Kind, task: Task<'_>) -> (Vec<CurvePoint>, String, Option<Head>) {
         let ranges = self.family.ranges();
         let (mut points, mut first): (Vec<CurvePoint>, Option<Head>) = (Vec::new(), None);
@@ -284,7 +284,7 @@ impl Solver<'_> {
         }
     }
 
-    /// The special point on a slice, looked for across the curve on both sides of a guess.
+    /// Returns the special point on a slice, searched for across the curve on both sides of a guess.
     fn across(&self, from: &Head, kind: Kind, slice: Plane, guess: Guess, asides: [f64; 3]) -> Option<Head> {
         let ranges = self.family.ranges();
         let (_, across) = from.directions(ranges);
@@ -292,7 +292,7 @@ impl Solver<'_> {
         let (way, length) = from.node.direction(&here, &Spot::at(guess.clone()), ranges);
         let offset = length * way.dot(&across);
         let solver = self.within(slice);
-        // A limit is taken from an orbit beside that of the last point, any other point lies between two across the curve.
+        // A limit is taken from an orbit beside that of the last point; any other point lies between two orbits across the curve.
         let back = from.from.as_ref().map(|spot| from.node.direction(&here, spot, ranges));
         let back = back.map(|(way, length)| (way.dot(&across).abs() * length, way)).filter(|(aside, _)| *aside > 0.0);
         let asides = back.as_ref().map_or(asides, |(aside, _)| FROM.map(|share| share * aside.max(asides[0])));
@@ -334,7 +334,7 @@ impl Solver<'_> {
         Some(Head { before: here, beside, place, quality, sought: from.sought, from: located.from, node })
     }
 
-    /// The point at which a curve leaves the ranges, between two of its points.
+    /// Returns the point at which a curve leaves the ranges, between two of its points.
     fn at_border(&self, from: &Head, to: &Head, kind: Kind, asides: [f64; 3]) -> Option<Head> {
         let (inside, outside) = (from.place, to.place);
         let borders = self.family.borders();
@@ -342,7 +342,7 @@ impl Solver<'_> {
             let border = if outside[i] > inside[i] { borders[i][1] } else { borders[i][0] };
             ((border - inside[i]) / (outside[i] - inside[i]), border)
         };
-        // A point on the border has none to go to.
+        // A point on the border does not pass it.
         let passed = (0..2).map(|i| (i, share(i))).filter(|(_, (share, _))| *share > 0.0 && *share <= 1.0);
         let (i, (share, border)) = passed.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
         let (chord, length) = from.node.chord(&to.node, self.family.ranges());
@@ -354,13 +354,13 @@ impl Solver<'_> {
         Some(head).filter(|head| self.family.holds(head.place))
     }
 
-    /// The point at which the second number is largest or least, if it is so between the first and the last of three points; and whether it
+    /// Returns the point at which the second number is extreme, if that lies between the first and the last of three points; and whether it
     /// lies before the second of them.
     fn extreme(&self, [first, middle, last]: [&Head; 3], kind: Kind) -> Option<(bool, CurvePoint)> {
         let rises = |a: &Head, b: &Head, i: usize| b.place[i] > a.place[i];
         let ranges = self.family.ranges();
         let (chord, length) = first.node.chord(&last.node, ranges);
-        // Near an end, steps of rounding's length go to and fro.
+        // Near an end, steps as short as rounding go back and forth.
         if rises(first, middle, 1) == rises(middle, last, 1) || length < NOISE {
             return None;
         }
@@ -393,7 +393,7 @@ impl Solver<'_> {
         Some((t < part * way.dot(&chord), CurvePoint { codimension_two, ..head.point() }))
     }
 
-    /// Whether a curve passes its start between two points.
+    /// Returns whether a curve passes its start between two points.
     fn is_between(&self, start: &Head, a: &Head, b: &Head) -> bool {
         let ranges = self.family.ranges();
         let [at, from, to] = [start, a, b].map(|head| [head.place[0] / ranges[0], head.place[1] / ranges[1]]);
@@ -409,7 +409,7 @@ impl Solver<'_> {
         (0.0..=1.0).contains(&share) && aside <= 0.1 && is_near()
     }
 
-    /// The same point with its section at another phase.
+    /// Returns the same point with its section at another phase.
     fn led(&self, head: &Head, kind: Kind, phase: f64) -> Option<Head> {
         let ranges = self.family.ranges();
         let lead = |spot: &Spot| {
@@ -431,7 +431,7 @@ impl Solver<'_> {
             |direction: &Direction| Plane { x: guess.section.x.clone(), ..Plane::through(&head.node, direction, 0.0) };
         let solver = self.within(plane(&along)).of_kind(kind);
         let node = solver.at(guess.clone(), Some(&plane(&across)), 1.0).ok()?;
-        // What vanishes has another place in the course.
+        // The events of the sought value have other places in the new course.
         let period = node.orbit.period as f64;
         let moved = |i: usize| {
             let at = (head.node.course.times[i] - (phase - head.node.phase).rem_euclid(1.0)).rem_euclid(period);

@@ -1,4 +1,4 @@
-//! The trains along a parameter.
+//! Trains along a parameter.
 
 use super::node::Place;
 use crate::{
@@ -11,24 +11,24 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct Family {
     scene: Scene,
-    /// The number, and those that go with it.
+    /// Parameter, with the numbers of the scene that it sets.
     pub parameter: Parameter,
-    /// The range, `from < to`; ends included.
+    /// Lower end of the range, `from < to`; included.
     pub from: f64,
-    /// Its other end.
+    /// Upper end of the range; included.
     pub to: f64,
     /// The second number and its range.
     second: Option<(Parameter, [f64; 2])>,
 }
 
 impl Family {
-    /// The scene `scene` between the values `from` and `to` of `parameter`, in either order.
+    /// Returns the family of `scene` between the values `from` and `to` of `parameter`, in either order.
     ///
     /// # Errors
     /// [`SimulationError`] if the scene has no forcing period, if its motion has no derivative by the parameter, or if it does not hold at
     /// one of the ends.
     pub fn new(scene: &Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, SimulationError> {
-        // What a preset or a default brings has to have a place.
+        // Numbers from a preset or a default need a place in the document.
         let scene = Scene::from_value(scene.resolved().clone(), scene.name())?;
         Simulation::from_scene(&scene)?.period()?;
         let parameter = checked(&scene, parameter, ends)?;
@@ -36,10 +36,10 @@ impl Family {
         Ok(Self { scene, parameter, from: from.min(to), to: from.max(to), second: None })
     }
 
-    /// The same with a second number free between `ends`.
+    /// Returns the family with a second number free between `ends`.
     ///
     /// # Errors
-    /// As [`new`](Self::new); also if one pointer is that of both numbers.
+    /// Errors of [`new`](Self::new); also if one pointer is that of both numbers.
     pub fn with(mut self, second: Parameter, ends: [f64; 2]) -> Result<Self, SimulationError> {
         if let Some(shared) = second.pointers().find(|pointer| self.parameter.pointers().any(|other| other == *pointer))
         {
@@ -50,50 +50,50 @@ impl Family {
         Ok(self)
     }
 
-    /// Lengths of both ranges; 1 of a second number that there is not.
+    /// Returns the lengths of both ranges; 1 for an absent second number.
     #[must_use]
     pub fn ranges(&self) -> [f64; 2] {
         [self.range(), self.second.as_ref().map_or(1.0, |(_, [from, to])| to - from)]
     }
 
-    /// Length of the range.
+    /// Returns the length of the range.
     #[must_use]
     pub fn range(&self) -> f64 {
         self.to - self.from
     }
 
-    /// Whether a value lies in the range.
+    /// Returns whether a value lies in the range.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         (self.from..=self.to).contains(&value)
     }
 
-    /// Whether both values lie in their ranges.
+    /// Returns whether both values lie in their ranges.
     #[must_use]
     pub fn holds(&self, [value, second]: Place) -> bool {
         let [_, [from, to]] = self.borders();
         self.contains(value) && (from..=to).contains(&second)
     }
 
-    /// The second number, if there is one.
+    /// Returns the second number, if there is one.
     #[must_use]
     pub fn second(&self) -> Option<&Parameter> {
         self.second.as_ref().map(|(second, _)| second)
     }
 
-    /// Ends of both ranges.
+    /// Returns the ends of both ranges.
     #[must_use]
     pub fn borders(&self) -> [[f64; 2]; 2] {
         [[self.from, self.to], self.second.as_ref().map_or([0.0; 2], |(_, ends)| *ends)]
     }
 
-    /// The scene's values.
+    /// Returns the values of the scene.
     #[must_use]
     pub fn own_place(&self) -> Place {
         [self.parameter.value(), self.second.as_ref().map_or(0.0, |(second, _)| second.value())]
     }
 
-    /// The train at the scene's own values, with the scene's start.
+    /// Returns the train at the values of the scene, with the start of the scene.
     ///
     /// # Errors
     /// [`SimulationError`] if it cannot be assembled.
@@ -101,7 +101,7 @@ impl Family {
         Simulation::from_scene(&self.scene)?.in_common_cycles()
     }
 
-    /// The train at `value`, the second number as the scene has it.
+    /// Returns the train at `value`, with the second number of the scene.
     ///
     /// # Errors
     /// [`SimulationError`] if the scene does not hold there.
@@ -109,7 +109,7 @@ impl Family {
         self.train([value, self.own_place()[1]])
     }
 
-    /// The train at both values.
+    /// Returns the train at both values.
     ///
     /// # Errors
     /// [`SimulationError`] if the scene does not hold there.
@@ -121,10 +121,10 @@ impl Family {
         Simulation::from_built(self.scene.name(), built)?.in_common_cycles()
     }
 
-    /// How the train `of` at some values changes with the first `numbers` of them.
+    /// Returns the derivatives of the train `of` at some values by the first `numbers` of them.
     ///
     /// # Errors
-    /// As [`Simulation::variation`].
+    /// Errors of [`Simulation::variation`].
     pub fn variations(
         &self,
         of: &Simulation,
@@ -142,7 +142,7 @@ impl Family {
     }
 }
 
-/// A parameter by which the motion has a derivative, and of which the scene holds between `ends`.
+/// Returns a parameter by which the motion has a derivative, after a check that the scene is valid between `ends`.
 fn checked(scene: &Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Parameter, SimulationError> {
     Simulation::from_scene(scene)?.variation_by(&parameter)?;
     Ok(parameter.checked(scene, ends)?)

@@ -1,4 +1,4 @@
-//! A branch followed in one direction.
+//! Following of a branch in one direction.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,66 +9,66 @@ use super::{
 };
 use crate::{hybrid::Watch, orbit::words::Letter, task::Task};
 
-/// Lengths of steps, in scales of states and ranges of the parameter: at first, at most, and the one below which a branch ends.
+/// Lengths of steps, in scales of states and ranges of the parameter: the first, the longest, and the one below which a branch ends.
 const FIRST: f64 = 0.01;
 pub const LONGEST: f64 = 0.03;
 pub const SHORTEST: f64 = 1e-7;
 /// Factor after a step that was solved in [`EASY`] Newton steps.
 pub const GROWTH: f64 = 1.3;
 const EASY: usize = 4;
-/// Lengths of steps across a place where the derivative has no bound, and the distance of the point behind it, in such lengths.
+/// Lengths of steps across a place where the derivative is unbounded, and the distance of the point behind it, in such lengths.
 const LEAPS: [f64; 5] = [1e-5, 1e-4, 3e-4, 1e-3, 3e-3];
 const NEAR: f64 = 3.0;
 /// Cosine of the turn of the tangent that a step may make: 14°.
 const TURN: f64 = 0.97;
-/// Steps from which on several changes at once are taken as they are.
+/// Length of a step below which several changes at once are accepted.
 const SEVERAL: f64 = 1e-4;
-/// Points behind a corner that may be none of the branch.
+/// Points behind a corner that may lie off the branch.
 const LOST: usize = 5;
-/// Steps from which on the branch may have a corner where its word changes.
+/// Length of a step below which the branch may have a corner where its word changes.
 const CORNER: f64 = 1e-6;
-/// The events, in alphabetic order, that come with one graze, and those that go.
+/// Events, in alphabetic order, that appear at one graze, and those that disappear.
 const SINGLE: [(&str, &str); 7] =
     [("i", ""), ("cs", ""), ("crx", ""), ("acrx", ""), ("ar", ""), ("lz", ""), ("cx", "a")];
-/// Events of one instant: cycles between them.
+/// Longest time between events of one instant, cycles.
 const TOGETHER: f64 = 1e-9;
-/// Cycles by which events move along a step, in its length.
+/// Cycles that events may move along a step, per length of the step.
 const MOVES: f64 = 10.0;
-/// Share of a tangent along the parameter below which a fold may be so near that its sense is not clear.
+/// Share of a tangent along the parameter below which a fold may be so near that the sense of the tangent is unclear.
 const TURNS: f64 = 1e-3;
-/// Cycles that events are kept away from the section, if they can be.
+/// Least time between events and the section, where possible, cycles.
 pub const CLEAR: f64 = 0.02;
 
-/// How the events of two neighbours differ.
+/// Difference between the events of two neighbours.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
-    /// Not at all.
+    /// No difference.
     None,
-    /// Two events have changed places: the place of the later one in the first one's course.
+    /// Two events have changed places: index of the later one in the course of the first neighbour.
     Swapped(usize),
-    /// One of them has more, of one contact or of equal ones: which of the contacts, and whether it is the second one.
+    /// One neighbour has more events, of one contact or of equal ones: index of the contact, and true if it is the second neighbour.
     Gained(usize, bool),
-    /// In some other way.
+    /// Any other difference.
     Other,
 }
 
-/// What a branch has become in one direction.
+/// Part of a branch that was followed in one direction.
 pub struct Trace {
-    /// Its points after the start.
+    /// Points after the start.
     pub nodes: Vec<Node>,
-    /// For each the point at which the step to it began: the one before, with the section of this one.
+    /// Start of the step to each point: the point before, with the section of this one.
     pub before: Vec<Node>,
-    /// Why it ends.
+    /// Reason for its end, in words.
     pub end: String,
-    /// Whether it came back to its start.
+    /// True if it came back to its start.
     pub is_closed: bool,
-    /// Whether it ended inside the range, as no further orbit was found.
+    /// True if it ended inside the range, as no further orbit was found.
     pub stalls: bool,
-    /// The neighbours between which it is born on another branch: behind it lie the same orbits, begun elsewhere.
+    /// Neighbours between which it is born on another branch: behind it lie the same orbits, begun elsewhere.
     pub born: Option<(Node, Node)>,
 }
 
-/// Groups of letters that are of one instant, in order of time.
+/// Returns the groups of letters of one instant, in order of time.
 fn groups(course: &Course) -> Vec<Vec<&str>> {
     let mut groups: Vec<Vec<&str>> = Vec::new();
     for (i, Letter { token, .. }) in course.letters.iter().enumerate() {
@@ -81,7 +81,7 @@ fn groups(course: &Course) -> Vec<Vec<&str>> {
     groups
 }
 
-/// Tokens of `a` that `b` does not have.
+/// Returns the tokens of `a` that `b` does not have.
 fn surplus<'a>(a: &[&'a str], b: &[&str]) -> Vec<&'a str> {
     let mut left = b.to_vec();
     let mut is_more = |token: &&str| match left.iter().position(|other| other == token) {
@@ -94,8 +94,8 @@ fn surplus<'a>(a: &[&'a str], b: &[&str]) -> Vec<&'a str> {
     a.iter().filter(|token| is_more(token)).copied().collect()
 }
 
-/// Whether a contact that was closed is left for the gap at once: on the way its force touches zero, and it is regained in its zone, first.
-/// A contact that was open and is touched has the same events, but stays closed for a short time, not open.
+/// Returns whether a closed contact opens to the gap at once: its force first touches zero and the contact is regained in its zone. A graze
+/// of an open contact has the same events, but the contact stays closed for a short time, not open.
 fn skips(a: &Course, b: &Course) -> bool {
     let more = surplus(&b.tokens(), &a.tokens());
     let (rich, more) = if more.is_empty() { (a, surplus(&a.tokens(), &b.tokens())) } else { (b, more) };
@@ -108,12 +108,12 @@ fn skips(a: &Course, b: &Course) -> bool {
 }
 
 impl Change {
-    /// Whether two courses have the same tokens, in any order.
+    /// Returns whether two lists of tokens are equal, in any order.
     pub fn is_none(a: &[&str], b: &[&str]) -> bool {
         surplus(a, b).is_empty() && surplus(b, a).is_empty()
     }
 
-    /// From `a` to `b`.
+    /// Returns the change from `a` to `b`.
     pub fn of(a: &Course, b: &Course) -> Self {
         let (more, less) = (surplus(&b.tokens(), &a.tokens()), surplus(&a.tokens(), &b.tokens()));
         match (more.is_empty(), less.is_empty()) {
@@ -127,7 +127,7 @@ impl Change {
         }
     }
 
-    /// By what one has `more` and `less` than the other.
+    /// Returns the change if one course has `more` tokens and lacks `less`.
     fn gained(more: &[&str], less: &[&str]) -> Self {
         // By contact and side: both sides of a symmetric orbit may change at once, and equal contacts.
         let kinds = |tokens: &[&str], place: &str| {
@@ -145,7 +145,7 @@ impl Change {
         if is_alike && (is_single || is_reverse) { Self::Gained(contact, is_single) } else { Self::Other }
     }
 
-    /// Two neighbouring events of different contacts that stand the other way round in `b`.
+    /// Returns the change of two neighbouring events of different contacts that have the other order in `b`.
     fn swapped(a: &Course, b: &Course) -> Self {
         let count = a.letters.len();
         let pairs = (1..count).filter(|i| a.letters[i - 1].contact != a.letters[*i].contact);
@@ -161,19 +161,19 @@ impl Change {
 }
 
 impl Solver<'_> {
-    /// The cosine of the angle between the tangents of two points.
+    /// Returns the cosine of the angle between the tangents of two points.
     fn turn(&self, a: &Node, b: &Node) -> f64 {
         let tangent = a.tangent_of(b);
         tangent.dot(&a.tangent) / tangent.length()
     }
 
-    /// A step of length `h` along the tangent.
+    /// Returns the point after a step of length `h` along the tangent.
     fn step(&self, from: &Node, h: f64) -> Option<Node> {
         let plane = Plane::through(from, &from.tangent, h);
         self.at(from.guess(&from.tangent, self.family.ranges(), h), Some(&plane), 1.0).ok()
     }
 
-    /// Drops the last points of a branch that have lost their way behind a corner at once.
+    /// Drops the last points of a branch if they left it at a corner.
     fn take_back(&self, trace: &mut Trace) {
         let Some(last) = trace.nodes.last() else { return };
         let is_same = |node: &&Node| Change::of(&last.course, &node.course) == Change::None;
@@ -187,7 +187,7 @@ impl Solver<'_> {
         }
     }
 
-    /// The next point behind a place where the derivative has no bound, as that of a rigid graze: with other events, and near.
+    /// Returns the next point behind a place with an unbounded derivative, such as a rigid graze: with other events, and near.
     fn leap(&self, from: &Node) -> Option<(Node, f64)> {
         LEAPS.iter().find_map(|length| {
             let node = self.step(from, *length)?;
@@ -198,7 +198,7 @@ impl Solver<'_> {
         })
     }
 
-    /// Whether the next point is a neighbour: it follows without a jump, and what changes is one thing.
+    /// Returns whether the next point is a neighbour: it follows without a jump and with at most one change.
     fn follows(&self, a: &Node, b: &Node, h: f64) -> bool {
         let change = Change::of(&a.course, &b.course);
         let (_, length) = a.chord(b, self.family.ranges());
@@ -318,7 +318,7 @@ impl Solver<'_> {
         }
     }
 
-    /// Whether the step from `a` to `b` passes `start`, in its direction.
+    /// Returns whether the step from `a` to `b` passes `start`, in its direction.
     fn is_back(&self, start: &Node, a: &Node, b: &Node, h: f64) -> bool {
         let range = self.family.range();
         let between = (a.value - start.value) * (b.value - start.value) <= 0.0;
@@ -330,8 +330,8 @@ impl Solver<'_> {
     }
 }
 
-/// The least values and times of a point that fall to zero where its word ends: of each guard, of each stay between two events of one contact,
-/// and the speed of each impact.
+/// Returns the least values and times of a point that fall to zero where its word ends: of each guard, of each stay between two events of
+/// one contact, and the speed of each impact.
 pub fn vanishing(node: &Node) -> Vec<(Vanishing, f64)> {
     let Course { letters, times, lows, .. } = &node.course;
     let mut all: Vec<(Vanishing, f64)> = Vec::new();
@@ -362,21 +362,21 @@ pub fn vanishing(node: &Node) -> Vec<(Vanishing, f64)> {
     all
 }
 
-/// What can vanish along a branch.
+/// Values that can vanish along a branch.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Vanishing {
-    /// The least value of a guard of a contact, closed or not.
+    /// Least value of a guard of a contact, closed or not.
     Low(usize, Watch, bool),
-    /// The speed of an impact, by its place in the course.
+    /// Speed of an impact, by its place in the course.
     Speed(usize),
-    /// The time to the next event of the contact.
+    /// Time to the next event of the contact.
     Stay(usize),
-    /// The time between an event and the one before it, of another contact.
+    /// Time between an event and the one before it, of another contact.
     Between(usize),
 }
 
 impl Vanishing {
-    /// The same where events have other places in the course.
+    /// Returns the key with the places of its events in another course.
     pub fn moved(self, to: &dyn Fn(usize) -> Option<usize>) -> Option<Self> {
         Some(match self {
             Self::Low(..) => self,
@@ -386,7 +386,7 @@ impl Vanishing {
         })
     }
 
-    /// Its value at a point.
+    /// Returns its value at a point.
     pub fn at(self, node: &Node) -> Option<f64> {
         vanishing(node).into_iter().find(|(key, _)| *key == self).map(|(_, value)| value)
     }

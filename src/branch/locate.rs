@@ -1,23 +1,23 @@
-//! Special points: the orbit on a branch at which a function of it is zero.
+//! Location of special points: orbits on a branch at which a function is zero.
 
 use super::node::{Direction, Guess, Node, Place, Plane, Solver, Spot};
 use crate::orbit::Section;
 
-/// Orbits solved for at most.
+/// Most orbits solved for.
 const MOST: usize = 40;
 /// Halvings of a step that is too long for the function of a special point.
 const HALVINGS: usize = 8;
 /// Values used for an extrapolation.
 const USED: usize = 7;
-/// Share of the way to an expected limit that the next orbit takes.
+/// Share of the way to an expected limit at which the next orbit is taken.
 const SHARE: f64 = 0.75;
-/// Parts of a step between a root and the nearest of the orbits by which it is found a second time.
+/// Parts of a step between a root and the nearest of the orbits that confirm it.
 const APART: [f64; 3] = [64.0, 1024.0, 16384.0];
-/// Factor of the difference of two values for one point, and roundings of the range, that it may be off by. Both are measured: points with
-/// known values, and the scatter of points found from several ranges, use up to a fourth of them.
+/// Factors of the error of a value: of the difference of two values for one point, and of the rounding of the range. Both are measured:
+/// points with known values, and the scatter of points found from several ranges, use up to a fourth of them.
 const SAFETY: f64 = 32.0;
 const ROUNDINGS: f64 = 1024.0;
-/// The same of the last one.
+/// Share of the way to the limit at which the last orbit is taken.
 const CLOSE: f64 = 1.0 - 1e-6;
 
 /// A point that is located.
@@ -27,33 +27,33 @@ pub struct Located {
     pub value: f64,
     /// The value of the second number.
     pub second: f64,
-    /// The orbit there, or the last one before.
+    /// Orbit there, or the last one before.
     pub node: Node,
-    /// The orbit that a limit was taken from.
+    /// Orbit from which a limit was taken.
     pub from: Option<Spot>,
-    /// Change of the values, in ranges, from one way to find them to another one.
+    /// Difference of the values between two ways to find them, in ranges.
     pub error: f64,
-    /// What is left of the equations, over their slope in the parameter, in ranges.
+    /// Residual of the equations over their slope in the parameter, in ranges.
     pub residual: f64,
-    /// Where the orbit starts: of a limit by the polynomial through those before.
+    /// Start of the orbit; for a limit from the polynomial through the orbits before it.
     pub section: Section,
 }
 
 impl Located {
-    /// At a node, where `defect` is what is left of a function over its slope, in ranges.
+    /// Returns the location at a node. `defect` is the residual of a function over its slope, in ranges.
     fn of(node: Node, error: f64, defect: f64) -> Self {
         let (residual, section) = (defect.max(node.closure()), node.orbit.section.clone());
         Self { value: node.value, second: node.second, from: None, error, residual, section, node }
     }
 
-    /// How far the value may be off, in ranges of length `range`.
+    /// Returns a bound on the error of the value, in ranges of length `range`.
     pub fn uncertainty(&self, range: f64) -> f64 {
         let rounding = ROUNDINGS * f64::EPSILON * (self.value.abs() / range).max(1.0);
         SAFETY * self.error + self.residual + rounding
     }
 }
 
-/// The value of the polynomial through `points = (g, value)` at g = 0 (Neville).
+/// Returns the value at g = 0 of the polynomial through `points = (g, value)` (Neville).
 pub fn at_zero(points: &[(f64, f64)]) -> f64 {
     let mut values: Vec<f64> = points.iter().map(|(_, value)| *value).collect();
     for width in 1..points.len() {
@@ -65,7 +65,7 @@ pub fn at_zero(points: &[(f64, f64)]) -> f64 {
     values[0]
 }
 
-/// The guess at `s` by the polynomial through some points of a branch.
+/// Returns the guess at `s` from the polynomial through some points of a branch.
 fn extended(nodes: &[(f64, Node)], s: f64) -> Option<Guess> {
     if nodes.len() < 2 {
         return None;
@@ -80,7 +80,7 @@ fn extended(nodes: &[(f64, Node)], s: f64) -> Option<Guess> {
     Some(guess)
 }
 
-/// The guess at a share of the way from `a` to `b`, whose direction is `row`, by the cubic with the tangents of both.
+/// Returns the guess at a share of the way from `a` to `b`, of direction `row`, from the cubic with the tangents of both.
 fn between(a: &Node, b: &Node, (row, length): (&Direction, f64), ranges: [f64; 2], share: f64) -> Guess {
     // Changes of the state and of the numbers along the whole way, with the tangent of a node.
     let slope = |node: &Node| {
@@ -101,13 +101,13 @@ fn between(a: &Node, b: &Node, (row, length): (&Direction, f64), ranges: [f64; 2
     guess
 }
 
-/// The limit of the values of a sequence as g falls to zero, and the change by its last point.
+/// Returns the limit of the values of a sequence as g falls to zero, and its change by the last point.
 pub fn limit(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let last = &points[points.len().saturating_sub(USED)..];
     if last.len() < 3 {
         return None;
     }
-    // Of the orders the one that the last point changes least: rounding grows with the order.
+    // The order whose value the last point changes least: rounding grows with the order.
     let orders = (2..last.len()).map(|order| {
         let end = last.len();
         let (now, before) = (at_zero(&last[end - order - 1..]), at_zero(&last[end - order - 1..end - 1]));
@@ -117,14 +117,14 @@ pub fn limit(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 }
 
 impl Solver<'_> {
-    /// The orbit at a distance from a node along a direction, without a tangent of its own.
+    /// Returns the orbit at a distance from a node along a direction, without a tangent.
     fn on(&self, from: &Node, row: &Direction, distance: f64, guess: Option<Guess>) -> Option<Node> {
         let plane = Plane { goes_on: false, ..Plane::through(from, row, distance) };
         let guess = guess.unwrap_or_else(|| from.guess(row, self.family.ranges(), distance));
         self.at(guess, Some(&plane), 1.0).ok()
     }
 
-    /// The orbit between two neighbours on a branch at which `f`, of opposite signs at both, is zero. `None` where it jumps.
+    /// Returns the orbit between two neighbours at which `f`, of opposite signs at both, is zero. `None` if `f` jumps.
     pub fn root(&self, a: &Node, b: &Node, f: &dyn Fn(&Node) -> f64) -> Option<Located> {
         let (row, length) = a.chord(b, self.family.ranges());
         let (mut low, mut high) = ((0.0, f(a)), (length, f(b)));
@@ -170,8 +170,8 @@ impl Solver<'_> {
         None
     }
 
-    /// How far the root at a distance `s` along `row` is off that of the polynomial through orbits on both sides of it, `h` and 2 h away, in
-    /// ranges; and what is left of `f` there over its slope.
+    /// Returns the difference, in ranges, between the root at distance `s` along `row` and that of a polynomial through orbits at `s` ± `h`
+    /// and `s` ± 2 `h`. Also returns the residual of `f` at the root over its slope.
     fn again(
         &self,
         a: &Node,
@@ -198,7 +198,7 @@ impl Solver<'_> {
         (error + defect).is_finite().then_some((error, defect))
     }
 
-    /// As [`root`](Self::root). Where that fails, halves the step by `orbits`, the solver of the branch.
+    /// Returns the root as [`root`](Self::root) does; if that fails, halves the step by `orbits`, the solver of the branch.
     pub fn refined(&self, orbits: &Self, a: &Node, b: &Node, f: &dyn Fn(&Node) -> f64) -> Option<Located> {
         let (mut a, mut b) = (a.clone(), b.clone());
         for _ in 0..HALVINGS {
@@ -211,7 +211,7 @@ impl Solver<'_> {
         None
     }
 
-    /// The orbit half way between two neighbours of a branch.
+    /// Returns the orbit half way between two neighbours of a branch.
     fn middle(&self, a: &Node, b: &Node) -> Option<Node> {
         let (row, length) = a.chord(b, self.family.ranges());
         let guess = between(a, b, (&row, length), self.family.ranges(), 0.5);
@@ -219,14 +219,14 @@ impl Solver<'_> {
         (a.chord(&middle, self.family.ranges()).1 <= length).then_some(middle)
     }
 
-    /// The way from `a` towards `b`, and its length: along the tangent, as at a rigid graze the branch has a corner.
+    /// Returns the direction from `a` towards `b`, and the distance: along the tangent, as a rigid graze makes a corner of the branch.
     pub fn towards(&self, a: &Node, b: &Node) -> (Direction, f64) {
         let (chord, length) = a.chord(b, self.family.ranges());
         (a.tangent.times(a.tangent.dot(&chord).signum()), length)
     }
 
-    /// The limit of the branch from `a` along `row`, up to a distance `length`, as `g`, positive at `a`, falls to zero; `g` is `None` where
-    /// it is passed.
+    /// Returns the limit of the branch from `a` along `row`, up to a distance `length`, as `g`, positive at `a`, falls to zero. `g` is
+    /// `None` behind the limit.
     pub fn limit(
         &self,
         a: &Node,
@@ -238,7 +238,7 @@ impl Solver<'_> {
         let mut values: [Vec<(f64, f64)>; 2] = [vec![(places[0].0, a.value)], vec![(places[0].0, a.second)]];
         let mut last = a.clone();
         let mut nodes = vec![(0.0, a.clone())];
-        // Where it seems to be passed, and where the last orbit was not found. From better guesses neither need be so.
+        // Places at which the limit seems passed, and at which no orbit was found. Better guesses may correct both.
         let (mut high, mut failed) = (length, f64::INFINITY);
         let (mut found, mut before): (Option<(Place, f64)>, Place) = (None, [f64::INFINITY; 2]);
         for _ in 0..MOST {
@@ -246,7 +246,7 @@ impl Solver<'_> {
             let expected = at_zero(&places[places.len().saturating_sub(4)..]);
             let middle = 0.5 * (low + high);
             let s = match places.len() {
-                // By several points the place is known; the first ones may have led to another orbit.
+                // Several points determine the place; the first ones may have led to another orbit.
                 3.. if expected > low && expected <= length && failed.is_infinite() => low + SHARE * (expected - low),
                 2.. if expected > low => (low + SHARE * (expected - low)).min(middle),
                 _ => middle,
@@ -275,7 +275,7 @@ impl Solver<'_> {
             }
             let scale = (last.value.abs() / ranges[0]).max(1e-3);
             if let (Some((value, off)), Some((second, aside))) = (limit(&values[0]), limit(&values[1])) {
-                // Two in turn have to agree.
+                // Two successive values have to agree.
                 let off = off.max((value - before[0]).abs()) / ranges[0];
                 let error = off.max(aside.max((second - before[1]).abs()) / ranges[1]);
                 before = [value, second];
@@ -293,7 +293,7 @@ impl Solver<'_> {
         let ([value, second], error) = found.filter(|(_, error)| error.is_finite())?;
         let (low, expected) = (places[places.len() - 1].1, at_zero(&places[places.len().saturating_sub(USED)..]));
         let section = extended(&nodes[nodes.len().saturating_sub(USED)..], expected)?.section;
-        // An orbit is wanted too: one as near as can be.
+        // The last orbit is returned too: one as near the limit as possible.
         let s = low + CLOSE * (expected - low);
         if s > low
             && let Some(node) = self.on(a, row, s, extended(&nodes[nodes.len().saturating_sub(USED)..], s))

@@ -11,157 +11,157 @@ use crate::{
     simulation::{Simulation, SimulationError},
 };
 
-/// Distance of an orbit's ends, in scales, that rounding leaves: of some ten arcs a cycle.
+/// Distance of an orbit's ends that rounding of some ten arcs a cycle leaves, in scales.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
-/// Newton steps at most.
+/// Most Newton steps.
 const STEPS: usize = 14;
 /// Residual, in scales, below which a point counts.
 const CLOSED: f64 = 1e-9;
 /// Two states nearer than this, in scales, are the same point of an orbit.
 const SAME: f64 = 1e-6;
-/// A step of Newton's method this short, in scales, is the last one.
+/// Length of a step of Newton's method, in scales, after which the method ends.
 const SHORT: f64 = 1e-13;
-/// The same where rounding keeps the steps from getting shorter.
+/// The same length where rounding limits the steps.
 const SETTLED: f64 = 1e-11;
 /// Longest step, in scales.
 const LONGEST: f64 = 10.0;
-/// Steps after which the derivative by the parameter is taken exactly.
+/// Steps after which the derivative by the parameter is computed exactly.
 const SLOW: usize = 3;
-/// Change of the parameter, in ranges, from which on it shows how the ends move with it.
+/// Least change of the parameter, in ranges, that updates the derivative of the ends by it.
 const SECANT: f64 = 1e-6;
-/// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
+/// Share of the largest singular value below which a singular value belongs to an undetermined direction.
 const NEUTRAL: f64 = 1e-11;
 
-/// Values of the parameter and of the second number; the latter is the scene's where there is none.
+/// Values of the parameter and of the second number; without a second number, that of the scene.
 pub type Place = [f64; 2];
 
-/// A direction in the space of unknowns and numbers, the latter in ranges.
+/// Direction in the space of unknowns and numbers, the latter in ranges.
 #[derive(Clone, Debug)]
 pub struct Direction {
-    /// Over the unknowns.
+    /// Part over the unknowns.
     pub y: DVector<f64>,
-    /// Along the parameter.
+    /// Part along the parameter.
     pub p: f64,
-    /// Along the second number.
+    /// Part along the second number.
     pub s: f64,
 }
 
 impl Direction {
-    /// The scalar product.
+    /// Returns the scalar product.
     pub fn dot(&self, other: &Self) -> f64 {
         self.y.dot(&other.y) + self.p * other.p + self.s * other.s
     }
 
-    /// Its length.
+    /// Returns its length.
     pub fn length(&self) -> f64 {
         libm::hypot(self.y.norm(), libm::hypot(self.p, self.s))
     }
 
-    /// `factor` times it.
+    /// Returns `factor` times the direction.
     pub fn times(&self, factor: f64) -> Self {
         Self { y: &self.y * factor, p: self.p * factor, s: self.s * factor }
     }
 }
 
-/// What Newton's method begins with.
+/// Initial values of Newton's method.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Guess {
-    /// A state near the orbit.
+    /// State near the orbit.
     pub section: Section,
-    /// The numbers.
+    /// Values of the numbers.
     pub place: Place,
     /// Period, cycles.
     pub period: u64,
-    /// Where its section stands, as a part of the period of the forcing.
+    /// Phase of its section, as a share of the forcing period.
     pub phase: f64,
-    /// As [`Node::shift`].
+    /// Cycles, as in [`Node::shift`].
     pub shift: u64,
-    /// How the end of the period moves with the numbers, in ranges, `[dim, numbers]`; only the way to the point depends on it. Taken
-    /// exactly if it is not known.
+    /// Derivative of the end of the period by the numbers, in ranges, `[dim, numbers]`; only the steps to the point depend on it. Computed
+    /// exactly if absent.
     #[serde(skip)]
     pub by: Option<DMatrix<f64>>,
 }
 
-/// An orbit at a value of the parameter, and how the branch goes on.
+/// Orbit at a value of the parameter, with the tangent of the branch.
 #[derive(Clone, Debug)]
 pub struct Node {
     /// Value of the parameter.
     pub value: f64,
     /// Value of the second number.
     pub second: f64,
-    /// Where its section stands, as a part of the period.
+    /// Phase of its section, as a share of the forcing period.
     pub phase: f64,
-    /// Cycles by which the next phase 0 comes after the one that the branch's first orbit begins with.
+    /// Cycles from the phase 0 at which the branch's first orbit begins to the next phase 0 of this one.
     pub shift: u64,
-    /// The orbit.
+    /// Orbit.
     pub orbit: Orbit,
-    /// What it passes.
+    /// Events of the orbit, and least values of guards.
     pub course: Course,
-    /// The unknowns there.
+    /// Unknowns of the orbit.
     pub unknowns: Unknowns,
     /// Unit tangent of the branch.
     pub tangent: Direction,
-    /// How the end of the period moves with the numbers, its start held; in ranges, `[dim, numbers]`.
+    /// Derivative of the end of the period by the numbers with its start held; in ranges, `[dim, numbers]`.
     pub by: DMatrix<f64>,
-    /// `det(I − J)` and `det(I + J)` over the unknowns.
+    /// Determinant `det(I − J)` over the unknowns.
     pub fold: f64,
-    /// The latter.
+    /// Determinant `det(I + J)` over the unknowns.
     pub flip: f64,
-    /// Newton steps that it took.
+    /// Newton steps to the point.
     pub steps: usize,
 }
 
-/// A hyperplane on which a point is looked for: `row · (x − x₀) + p (value − value₀) + s (second − second₀) = target`, numbers in ranges.
+/// Hyperplane of a point, numbers in ranges: `row · (x − x₀) + p (value − value₀) + s (second − second₀) = target`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Plane {
-    /// x₀.
+    /// Point x₀ of the plane.
     pub x: Vec<f64>,
-    /// The numbers there.
+    /// Values of the numbers at that point.
     pub place: Place,
-    /// Over states.
+    /// Coefficients of the state.
     pub row: DVector<f64>,
-    /// Over the parameter.
+    /// Coefficient of the parameter.
     pub p: f64,
-    /// Over the second number.
+    /// Coefficient of the second number.
     pub s: f64,
-    /// Distance.
+    /// Distance `target` from that point.
     pub target: f64,
-    /// Whether the tangent at the point is wanted.
+    /// True if the tangent at the point is required.
     pub goes_on: bool,
 }
 
-/// A state at numbers.
+/// State at values of the numbers.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Spot {
-    /// The state.
+    /// State.
     pub section: Section,
-    /// The numbers.
+    /// Values of the numbers.
     pub place: Place,
 }
 
 impl Spot {
-    /// That of a node.
+    /// Returns the spot of a node.
     pub fn of(node: &Node) -> Self {
         Self::at(node.at())
     }
 
-    /// That of a guess.
+    /// Returns the spot of a guess.
     pub fn at(guess: Guess) -> Self {
         Self { section: guess.section, place: guess.place }
     }
 }
 
-/// An orbit that is solved for anew: it lies on a plane through the guess.
+/// Guess of an orbit that is solved for again, on a plane through the guess.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Seed {
-    /// Where it is.
+    /// Guess.
     pub guess: Guess,
-    /// The plane.
+    /// Plane.
     pub plane: Plane,
 }
 
 impl Plane {
-    /// At a distance from a node along a direction.
+    /// Returns the plane at a distance from a node along a direction.
     pub fn through(node: &Node, direction: &Direction, target: f64) -> Self {
         let Node { orbit, value, second, unknowns, .. } = node;
         let row = unknowns.row(&direction.y);
@@ -169,14 +169,14 @@ impl Plane {
         Self { x, place, row, p: direction.p, s: direction.s, target, goes_on: true }
     }
 
-    /// The plane on which a number, the first or the second, is that of a guess.
+    /// Returns the plane on which a number, the first or the second, has the value of a guess.
     pub fn of_number(guess: &Guess, i: usize) -> Self {
         let (x, place, row) = (guess.section.x.clone(), guess.place, DVector::zeros(guess.section.x.len()));
         let [p, s] = [0, 1].map(|l| f64::from(u8::from(l == i)));
         Self { x, place, row, p, s, target: 0.0, goes_on: true }
     }
 
-    /// What is missing of it.
+    /// Returns the residual of the equation of the plane.
     fn missing(&self, x: &[f64], place: Place, ranges: [f64; 2]) -> f64 {
         let along: f64 = (0..x.len()).map(|i| self.row[i] * (x[i] - self.x[i])).sum();
         let [p, s] = [0, 1].map(|i| (place[i] - self.place[i]) / ranges[i]);
@@ -185,12 +185,12 @@ impl Plane {
 }
 
 impl Node {
-    /// Multipliers that tell of stability.
+    /// Returns the multipliers that decide on stability.
     pub fn multipliers(&self) -> Vec<Complex<f64>> {
         self.orbit.telling()
     }
 
-    /// Multipliers outside the unit circle: real ones above 1, below −1, and complex pairs.
+    /// Returns the counts of multipliers outside the unit circle: real ones above 1, below −1, and complex ones.
     pub fn unstable(&self) -> [usize; 3] {
         let mut counts = [0; 3];
         for m in self.multipliers().iter().filter(|m| m.norm() > 1.0) {
@@ -199,37 +199,37 @@ impl Node {
         counts
     }
 
-    /// One multiplier of each complex pair, the largest first.
+    /// Returns one multiplier of each complex pair, the largest first.
     pub fn pairs(&self) -> Vec<Complex<f64>> {
         let mut pairs: Vec<Complex<f64>> = self.multipliers().into_iter().filter(|m| m.im > 0.0).collect();
         pairs.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
         pairs
     }
 
-    /// Which of them is nearest to the unit circle.
+    /// Returns the index of the complex pair nearest to the unit circle.
     pub fn pair_on_circle(&self) -> usize {
         let off: Vec<f64> = self.pairs().iter().map(|m| (m.norm() - 1.0).abs()).collect();
         (0..off.len()).min_by(|i, j| off[*i].total_cmp(&off[*j])).unwrap_or_default()
     }
 
-    /// Whether the orbit closes after a part of its period already.
+    /// Returns whether the orbit closes after a part of its period.
     pub fn has_shorter_period(&self) -> bool {
         let Orbit { section, image, period, .. } = &self.orbit;
         let closes = |k: &u64| self.unknowns.between(&section.x, &image.between[*k as usize - 1].x).norm() <= SAME;
         (1..*period).filter(|k| period.is_multiple_of(*k)).any(|k| closes(&k))
     }
 
-    /// How far the numbers may be off, in ranges, as the orbit closes to rounding at best.
+    /// Returns the error of the numbers, in ranges, from the residual of the orbit, at least from rounding.
     pub fn closure(&self) -> f64 {
         self.orbit.residual.max(ROUNDING) * self.orbit.condition
     }
 
-    /// The chord to another point of the branch, of length one, and its length.
+    /// Returns the chord to another point of the branch, of length one, and the length before scaling.
     pub fn chord(&self, to: &Self, ranges: [f64; 2]) -> (Direction, f64) {
         self.direction(&Spot::of(self), &Spot::of(to), ranges)
     }
 
-    /// The direction from one place to another in this node's unknowns, of length one, and its length.
+    /// Returns the direction from one place to another in this node's unknowns, of length one, and the distance.
     pub fn direction(&self, from: &Spot, to: &Spot, ranges: [f64; 2]) -> (Direction, f64) {
         let y = self.unknowns.between(&from.section.x, &to.section.x);
         let [p, s] = [0, 1].map(|i| (to.place[i] - from.place[i]) / ranges[i]);
@@ -238,30 +238,30 @@ impl Node {
         (direction.times(1.0 / length), length)
     }
 
-    /// The tangent of another node in this one's unknowns.
+    /// Returns the tangent of another node in this one's unknowns.
     pub fn tangent_of(&self, other: &Self) -> Direction {
         let change = other.unknowns.lifted(&other.tangent.y);
         let y = self.unknowns.between(&vec![0.0; change.len()], change.as_slice());
         Direction { y, ..other.tangent }
     }
 
-    /// The guess that it is itself.
+    /// Returns the guess at the node.
     pub fn at(&self) -> Guess {
         let (section, by) = (self.orbit.section.clone(), Some(self.by.clone()));
         Guess { section, place: self.place(), period: self.orbit.period, phase: self.phase, shift: self.shift, by }
     }
 
-    /// The seed of it, to be solved for across a direction.
+    /// Returns the seed of the node, to be solved for across a direction.
     pub fn seed(&self, across: &Direction) -> Seed {
         Seed { guess: Guess { by: None, ..self.at() }, plane: Plane::through(self, across, 0.0) }
     }
 
-    /// The guess at a distance along a direction.
+    /// Returns the guess at a distance along a direction.
     pub fn guess(&self, direction: &Direction, ranges: [f64; 2], distance: f64) -> Guess {
         self.moved(self.at(), direction, ranges, distance)
     }
 
-    /// A guess, moved by a distance along a direction of this node.
+    /// Returns a guess that is moved by a distance along a direction of this node.
     pub fn moved(&self, mut guess: Guess, direction: &Direction, ranges: [f64; 2], distance: f64) -> Guess {
         let change = self.unknowns.lifted(&direction.y);
         guess.section.x.iter_mut().zip(&change).for_each(|(x, c)| *x += distance * c);
@@ -270,42 +270,42 @@ impl Node {
         guess
     }
 
-    /// The numbers.
+    /// Returns the values of the numbers.
     pub fn place(&self) -> Place {
         [self.value, self.second]
     }
 }
 
-/// Solves for points of a branch.
+/// Solver for points of a branch.
 pub struct Solver<'f> {
-    /// The trains.
+    /// Trains along the parameter.
     pub family: &'f Family,
-    /// Their drift.
+    /// Drift of the trains.
     pub drift: Drift,
-    /// The smallest singular values, as a share of the largest, that Newton's method goes along: larger on a symmetric branch, that the
-    /// one that leaves it is left alone.
+    /// Smallest singular value, as a share of the largest, along which Newton's method steps. Larger on a symmetric branch, so that the
+    /// direction that breaks the symmetry is left alone.
     pub neutral: f64,
-    /// Between two symmetric orbits that are near: the direction with the smallest singular value, which breaks the symmetry, is left out
-    /// altogether. What the guess has of it enters special points by its square.
+    /// True between two near symmetric orbits: the direction with the smallest singular value, which breaks the symmetry, is left out. Its
+    /// part in the guess changes special points by its square only.
     pub is_symmetric: bool,
-    /// A plane that all points lie on; with it, the second number is free as well.
+    /// Plane of all points; with it, the second number is free as well.
     pub slice: Option<Plane>,
     /// Cycles run with their derivative, for a limit of work that is the same on every machine.
     pub spent: Rc<Cell<u64>>,
 }
 
 impl<'f> Solver<'f> {
-    /// Of a family.
+    /// Returns the solver of a family.
     pub fn new(family: &'f Family, drift: Drift) -> Self {
         Self { family, drift, neutral: NEUTRAL, is_symmetric: false, slice: None, spent: Rc::default() }
     }
 
-    /// The point of a seed.
+    /// Returns the point of a seed.
     pub fn grown(&self, seed: &Seed) -> Result<Node, Missed> {
         self.at(seed.guess.clone(), Some(&seed.plane), 1.0)
     }
 
-    /// The point of `orbit`, whose map has its section at phase 0: at the phase that its events are farthest from.
+    /// Returns the point of `orbit`, whose map has its section at phase 0, with the section at the phase farthest from its events.
     pub fn start(&self, simulation: &Simulation, value: f64, orbit: &Orbit) -> Result<Node, Missed> {
         let map = SectionMap::new(simulation)?;
         let course = Course::new(&map, &orbit.section, orbit.period)?;
@@ -316,7 +316,7 @@ impl<'f> Solver<'f> {
         self.at(Guess { section, place, period: orbit.period, phase, shift, by: None }, None, 1.0)
     }
 
-    /// The same point with its section where its events are farthest from.
+    /// Returns the same point with its section at the phase farthest from its events.
     pub fn turned(&self, node: &Node) -> Result<Node, Missed> {
         let simulation = self.family.train(node.place())?;
         let map = SectionMap::new(&simulation)?.at_phase(node.phase);
@@ -327,8 +327,8 @@ impl<'f> Solver<'f> {
         self.at(Guess { section, place, period, phase, shift, by: None }, None, node.tangent.p.signum())
     }
 
-    /// The orbit near a guess, on a plane or at the guess's value of the parameter, where its tangent goes to where the parameter rises, or
-    /// falls if `sign` does.
+    /// Returns the orbit near a guess, on a plane or at the guess's value of the parameter. Without a plane, its tangent points to rising
+    /// values of the parameter, or to falling ones if `sign` is negative.
     pub fn at(&self, guess: Guess, plane: Option<&Plane>, sign: f64) -> Result<Node, Missed> {
         let ranges = self.family.ranges();
         let Guess { mut section, mut place, period, phase, shift, by } = guess;
@@ -358,7 +358,7 @@ impl<'f> Solver<'f> {
             };
             let by = by.get_or_insert_with(|| DMatrix::zeros(section.x.len(), numbers));
             if let Some((from, at, old)) = before.take().filter(|_| !is_exact) {
-                // As the last step shows (Broyden 1965).
+                // Update from the last step (Broyden 1965).
                 let moved = DVector::from_fn(numbers, |l, _| (place[l] - at[l]) / ranges[l]);
                 if moved.norm() > SECANT {
                     let steps = DVector::from_fn(section.x.len(), |i, _| section.x[i] - from.x[i]);
@@ -409,7 +409,7 @@ impl<'f> Solver<'f> {
             let length = change.norm();
             let is_settled = step > SLOW && length >= 0.25 * last && length <= SETTLED;
             if residual <= CLOSED && (length <= SHORT || is_settled || step + 1 == STEPS) {
-                // Along a direction in which nothing is decided no step is made.
+                // No step is made along an undetermined direction.
                 let cut = cutoff(&svd);
                 let decided = svd.singular_values.iter().filter(|value| **value > cut);
                 let condition = decided.fold(f64::INFINITY, |least, value| least.min(*value)).recip();
@@ -428,7 +428,7 @@ impl<'f> Solver<'f> {
                     rows.swap_remove(0).0
                 };
                 let unit = DMatrix::identity(count, count);
-                // What is latched adds a multiplier of zero to some orbits: it must not change a sign.
+                // Latched states add a multiplier of zero to some orbits, which must not change a sign.
                 let (fold, flip) = ((&unit - &reduced).determinant(), (&unit + &reduced).determinant());
                 let course = Course::new(&map, &section, period)?;
                 let factor = unknowns.reduced(&image.jacobian);

@@ -1,4 +1,4 @@
-//! Ends of rests: where the load that holds a contact at rest is zero.
+//! Ends of rests: points at which the load that holds a contact at rest is zero.
 
 use std::cmp::Ordering;
 
@@ -10,16 +10,16 @@ use super::{
 };
 use crate::gear::contact::Law;
 
-/// Factor of the change of the value by the last orbits: it has a part that repeats with the number of impacts, and is not extrapolated.
+/// Factor of the change of the value by the last orbits: a part of it repeats with the number of impacts and is not extrapolated.
 const PERIODIC: f64 = 16.0;
-/// Largest part of a rest that its last impacts may be summed for where its end is looked for.
+/// Largest share of a rest that the sum of its last impacts may take if its end is sought.
 const SUMMED: f64 = 1e-6;
 /// Bound of the power by which the parameter follows the load.
 const POWER: f64 = 5.0 / 3.0;
 
 impl Solver<'_> {
-    /// The end of a rest between two points. A rest that lasts ends where the least load along it is zero. One within the cycle ends where the
-    /// load is zero at the instant at which the contact comes to rest, after any number of impacts.
+    /// Locates the end of a rest between two points, where the least load along it is zero. A rest that begins within the cycle can also
+    /// end where the load is zero at the instant of coming to rest, after any number of impacts.
     pub(super) fn stick(&self, a: &Node, b: &Node) -> Option<Found> {
         let (low, high) = (a.value.min(b.value), a.value.max(b.value));
         let slack = SLACK * self.family.range();
@@ -44,21 +44,21 @@ impl Solver<'_> {
             }
         }
         found.retain(|(.., located)| is_between(located) && self.is_located(located));
-        // A rest that lasts is a smooth motion up to its end.
+        // The least load along a rest is smooth up to its end.
         let order = |found: &Found| (found.1 == Sought::Rest, found.2.error);
         found.into_iter().min_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal))
     }
 
-    /// The end of a rest, seen from the orbit `here`, with what the uncertainty of the instant of rest adds: near the end the load is a multiple
-    /// of the time that is left, and the parameter of a power of it.
+    /// Adds the uncertainty of the instant of rest to the end of a rest, seen from the orbit `here`. Near the end the load is a multiple of
+    /// the time that is left, and the parameter of a power of it.
     fn timed(&self, here: &Node, located: Located) -> Located {
         let way = (located.value - here.value).abs() / self.family.range();
         let share = here.course.weakest().map_or(0.0, |rest| rest.uncertainty / here.course.stay(rest));
         Located { residual: located.residual + POWER * way * share, error: PERIODIC * located.error, ..located }
     }
 
-    /// The least load at an instant at which a contact comes to rest, to the power by which the parameter follows it near zero; of an orbit
-    /// with this many rests. `None` where the last impacts are summed for a part of the rest that is not small: the load falls on their way.
+    /// Returns the least load at an instant of coming to rest, to the power by which the parameter follows it near zero. `None` without
+    /// `count` rests, or if the sum of the last impacts takes too large a share of the rest: the load falls meanwhile.
     pub(super) fn settling(&self, node: &Node, count: usize) -> Option<f64> {
         let rest = node.course.weakest()?;
         if node.course.rests.len() != count || rest.load <= 0.0 || rest.remaining > SUMMED * node.course.stay(rest) {
@@ -70,11 +70,11 @@ impl Solver<'_> {
     }
 }
 
-/// The power p of the load at which a contact comes to rest, of whose value V₀ − V is a multiple where the load is almost zero.
+/// Returns the power p of the load at which a contact comes to rest: V₀ − V is a multiple of that power where the load is almost zero.
 ///
 /// Let the load fall to zero as the time τ that is left to it. A rebound of speed u has a flight rτ with `w = u/τ² = r/2 − r²/6`. The next
-/// has `τ′ = (1 − r)τ` and `w′ = e(r/2 − r²/3)/(1 − r)²`. At the end of rests w′ = w for ever: impacts come nearer and nearer to the
-/// instant without load. What is off from there grows by λ = dw′/dw, as τ shrinks: `V₀ − V ∝ τᵖ`, `p = ln λ/ln(1/(1 − r))`.
+/// has `τ′ = (1 − r)τ` and `w′ = e(r/2 − r²/3)/(1 − r)²`. At the end of rests w′ = w for ever: impacts approach the instant without load. A
+/// deviation from there grows by λ = dw′/dw, as τ shrinks: `V₀ − V ∝ τᵖ`, `p = ln λ/ln(1/(1 − r))`.
 fn settling_power(e: f64) -> f64 {
     if e <= 0.0 {
         return 1.0;

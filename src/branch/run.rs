@@ -1,4 +1,4 @@
-//! The whole of a continuation: branches, level by level, with their special points.
+//! Continuation: branches, level by level, with their special points.
 
 use std::collections::VecDeque;
 
@@ -17,16 +17,16 @@ use crate::{
     task::{Progress, Task},
 };
 
-/// Points of a branch in one direction at most.
+/// Most points of a branch in one direction.
 const OF_BRANCH: usize = 600;
-/// Cycles that are run with their derivative, about: for the points of a branch in one direction, for the special ones among them, and for all
-/// branches.
+/// Approximate limits of cycles that are run with their derivative: for the points of a branch in one direction, for the special ones among
+/// them, and for all branches.
 const WORK_OF_POINTS: u64 = 15_000;
 const WORK_OF_SPECIALS: u64 = 15_000;
 const WORK_OF_ALL: u64 = 60_000;
-/// Distances, in scales, at which a branch that begins at a special point is looked for.
+/// Distances, in scales, at which a branch that begins at a special point is searched for.
 const ASIDE: [f64; 6] = [0.01, 0.003, 1e-3, 3e-4, 1e-4, 3e-5];
-/// Two special points nearer than this, in ranges, are one.
+/// Distance in ranges below which two special points are one.
 const SAME: f64 = 1e-8;
 /// Distance from a chord of a branch, in lengths of it, within which an orbit lies on the branch.
 const NEIGHBOURS: f64 = 0.1;
@@ -40,11 +40,11 @@ pub struct Point {
     pub period: u64,
     /// Word in normal form.
     pub word: String,
-    /// All multipliers are inside the unit circle.
+    /// True if all multipliers are inside the unit circle.
     pub is_stable: bool,
-    /// The largest of them.
+    /// Largest absolute value of a multiplier.
     pub multiplier: f64,
-    /// Where it starts, at phase 0.
+    /// Start of the orbit, at phase 0.
     pub section: Section,
     /// Distance between its ends, in scales.
     pub residual: f64,
@@ -53,35 +53,35 @@ pub struct Point {
 /// A branch.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Branch {
-    /// 0 for that of the scene's orbit, one more for each doubling or breaking of symmetry at which it began.
+    /// Level: 0 for the branch of the scene's orbit, one more for each doubling or breaking of symmetry at which it began.
     pub level: u32,
     /// Its points in order.
     pub points: Vec<Point>,
     /// Its special points, in order.
     pub specials: Vec<Special>,
-    /// How it ends at its two ends, first point first.
+    /// Reasons for its two ends, in words, at the first point and at the last one.
     pub ends: [String; 2],
-    /// What was passed and could not be located, in words.
+    /// Special points that were passed and could not be located, in words.
     pub unlocated: Vec<String>,
 }
 
-/// What was followed, and what a continuation goes on with.
+/// Branches followed so far, and the state from which a continuation resumes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Followed {
     /// The branches.
     pub branches: Vec<Branch>,
-    /// Those that were not followed yet, in order.
+    /// Branches that were not followed yet, in order.
     waiting: VecDeque<Begun>,
     /// Cycles that may still be run.
     left: u64,
-    /// How many of the waiting ones are none of the branches: nothing but the limit of work, or an interrupt, leaves them out.
+    /// Count of waiting branches that differ from all followed ones; only the limit of work, or an interrupt, leaves them out.
     pub left_out: usize,
 }
 
-/// What is followed.
+/// Settings of a continuation.
 #[derive(Clone, Debug)]
 pub struct Continuation {
-    /// Period of the first orbit, cycles; that which `flank orbit` finds if it is not named.
+    /// Period of the first orbit, cycles; if absent, that of the orbit which `flank orbit` finds.
     pub period: Option<u64>,
     /// Levels of branches that are followed beyond the first.
     pub doublings: u32,
@@ -93,19 +93,19 @@ impl Default for Continuation {
     }
 }
 
-/// Where a branch begins, and the special point that it comes from.
+/// Start of a branch, and the special point at which it begins.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Begun {
     level: u32,
     seed: Seed,
     both: bool,
-    /// Value and period of the orbit that it is born from.
+    /// Value and period of the special point at which it begins.
     origin: Option<(f64, u64)>,
 }
 
 impl Continuation {
-    /// Follows the orbit of a scene along the parameter of `family`, or goes on from `earlier` work of the same kind; `each` is told of every
-    /// branch that is finished. A branch in which the work is broken off is returned, but not told of: later work begins it anew.
+    /// Follows the orbit of a scene along the parameter of `family`, or resumes `earlier` work of the same kind. Calls `each` after every
+    /// finished branch. An interrupted branch is returned without a call of `each`: later work begins it again.
     ///
     /// # Errors
     /// [`SimulationError`] if the scene has no orbit to start from, or what `each` returns.
@@ -125,7 +125,7 @@ impl Continuation {
         let mut known: Vec<Special> = all.branches.iter().flat_map(|branch| branch.specials.clone()).collect();
         while !task.is_cancelled() && all.left > 0 {
             let Some(begun) = all.waiting.pop_front() else { break };
-            // What goes on later has the same bytes as what goes on at once: both begin from the seed.
+            // Resumed and uninterrupted work give the same bytes: both begin from the seed.
             let node = match solver.grown(&begun.seed) {
                 Ok(node) if !solver.is_known(&node, &all.branches) => node,
                 _ => continue,
@@ -151,7 +151,7 @@ impl Continuation {
             };
             let parents = passed.iter().filter(|passed| passed.is_birth).map(|passed| &passed.node);
             for node in parents.chain(passed.iter().filter_map(|passed| passed.behind.as_ref())) {
-                // Level by level.
+                // Order by level.
                 let place = all.waiting.iter().position(|other| other.level > branch.level);
                 all.waiting.insert(place.unwrap_or(all.waiting.len()), begins(branch.level, node, true, None));
             }
@@ -181,7 +181,7 @@ impl Continuation {
         Ok(all)
     }
 
-    /// The work before the first branch.
+    /// Returns the work before the first branch.
     fn first(&self, solver: &Solver<'_>, simulation: &Simulation, task: Task<'_>) -> Result<Followed, SimulationError> {
         let found = Search { period: self.period, starts: 0 }.run(simulation, task)?;
         let Some(orbit) = found.orbits.first() else {
@@ -196,12 +196,12 @@ impl Continuation {
 }
 
 impl Solver<'_> {
-    /// A point as others see it.
+    /// Returns a point for output.
     fn point(&self, node: &Node) -> Option<Point> {
         self.point_at(node, &node.orbit.section, node.value)
     }
 
-    /// The same, with a section and a value beside the node's own.
+    /// Returns the same, with another section and value than those of the node.
     fn point_at(&self, node: &Node, section: &Section, value: f64) -> Option<Point> {
         let simulation = self.family.train([value, node.second]).ok()?;
         let map = SectionMap::new(&simulation).ok()?;
@@ -223,7 +223,7 @@ impl Solver<'_> {
         })
     }
 
-    /// Whether the orbit of a node lies on one of the branches.
+    /// Returns whether the orbit of a node lies on one of the branches.
     fn is_known(&self, node: &Node, branches: &[Branch]) -> bool {
         let Some(point) = self.point(node) else { return false };
         let Ok(simulation) = self.family.train(node.place()) else { return false };
@@ -252,7 +252,7 @@ impl Solver<'_> {
         branches.iter().any(|branch| branch.points.windows(2).any(on))
     }
 
-    /// The branch through a node.
+    /// Returns the branch through a node, its special points, and the values and periods of the orbits that it is born from.
     fn branch(
         &self,
         begun: &Begun,
@@ -322,7 +322,7 @@ impl Solver<'_> {
         (Branch { level: begun.level, points, specials, ends, unlocated }, passed, births)
     }
 
-    /// A point of the branch that begins at a node with the multiplier `at`, −1 or 1.
+    /// Returns a point of the branch that begins at a node with the multiplier `at`, −1 or 1.
     fn aside(&self, node: &Node, at: f64) -> Option<Node> {
         let reduced = node.unknowns.reduced(&node.orbit.image.jacobian);
         let count = reduced.nrows();
@@ -331,7 +331,7 @@ impl Solver<'_> {
         let w: DVector<f64> = vectors.row(count - 1).transpose();
         let row = Direction { y: w, p: 0.0, s: 0.0 };
         let period = if at < 0.0 { 2 * node.orbit.period } else { node.orbit.period };
-        // Near enough the branch has the events of the orbit that it begins at, and no instability more than the critical multiplier's.
+        // Near its start, the branch has the events of its first orbit, and no instability beyond that of the critical multiplier.
         let (mut events, parent) = (node.course.tokens(), node.unstable());
         if at < 0.0 {
             events = [events.clone(), events].concat();

@@ -1,4 +1,4 @@
-//! What changes along a branch: special points between two neighbours, and at its ends.
+//! Special points of a branch: between two neighbours, and at its ends.
 
 use std::{cmp::Ordering, rc::Rc};
 
@@ -17,55 +17,55 @@ use crate::{
     task::Task,
 };
 
-/// Share of the largest singular value that leaves the direction alone that breaks a symmetry.
+/// Singular value of the direction that breaks a symmetry, as a share of the largest one: below it, that direction is left alone.
 const SYMMETRIC: f64 = 1e-6;
-/// How far beyond a neighbour a graze between two is looked for, and where it may be: in steps, and in ranges.
+/// Distance beyond a neighbour to which a graze is searched for, in steps, and slack of its value, in ranges.
 pub(super) const REACH: f64 = 1.5;
 pub(super) const SLACK: f64 = 1e-9;
 /// Kinds at which the derivative jumps.
 const JUMPS: [Kind; 3] = [Kind::GrazingRigid, Kind::GrazingDamped, Kind::Stick];
-/// Residual from which on a graze, or a coincidence, is looked for from both sides.
+/// Residual above which a graze, or a coincidence, is searched for from both sides.
 const WELL: f64 = 1e-12;
-/// Stays and speeds that are tried as what vanishes at a graze, the shortest first.
+/// Most stays and speeds that are tried as the vanishing value of a graze, the shortest first.
 const CANDIDATES: usize = 3;
-/// What a limit at the end of a branch is taken from: values that vanish from this size on, and orbits up to this many times as far as the
-/// last one.
+/// Limits at the end of a branch: least size of a vanishing value at the orbit from which the limit is taken, and longest way, relative to
+/// that to the last orbit.
 const FAR: f64 = 0.03;
 const BEYOND: f64 = 1.1;
 /// Largest uncertainty of a point that counts as located, in ranges.
 pub(super) const LOCATED: f64 = 1e-9;
-/// Steps, in scales, in which the branch is looked for that another one is born from.
+/// Steps, in scales, at which the branch is searched for from which another one is born.
 const PARENT: [f64; 6] = [3e-3, 1e-3, 1e-2, 3e-4, 3e-5, 3e-6];
 /// Points before the end of a branch from which its limit is taken.
 const TOWARDS: usize = 10;
 
-/// What changes at a special point.
+/// Kind of a special point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// The branch turns back: a multiplier is 1.
+    /// Fold: the branch turns back at a multiplier of 1.
     Fold,
-    /// A multiplier is −1.
+    /// Period doubling: a multiplier is −1.
     PeriodDoubling,
-    /// A pair of multipliers is on the unit circle.
+    /// Torus: a pair of multipliers is on the unit circle.
     Torus,
-    /// A multiplier is 1, and the branch goes on: orbits of less symmetry begin.
+    /// Symmetry: orbits of less symmetry begin at a multiplier of 1, and the branch goes on.
     Symmetry,
-    /// A flank is touched, or left, at which the force does not jump.
+    /// Soft graze: a flank is touched, or left, without a jump of the force.
     GrazingSoft,
-    /// The same where the damper of the contact makes the force jump, or where the force itself touches zero in contact.
+    /// Damped graze: the damper of the contact makes the force jump, or the force itself touches zero in contact.
     GrazingDamped,
-    /// A rigid flank is touched.
+    /// Rigid graze: a rigid flank is touched.
     GrazingRigid,
-    /// A rest begins to exist, or ends.
+    /// Stick: a rest begins to exist, or ends.
     Stick,
-    /// Two events fall on one instant.
+    /// Coincidence: two events fall on one instant.
     Coincidence,
 }
 
 impl Kind {
-    /// As files have it.
+    /// Returns its word in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -81,7 +81,7 @@ impl Kind {
         }
     }
 
-    /// The function that is zero at such a point, of the kinds that multipliers tell; `pair` is the place of a complex pair, the largest first.
+    /// Returns the test function of the kinds that multipliers decide; `pair` is the index of a complex pair, the largest first.
     pub(super) fn test(self, node: &Node, pair: usize) -> f64 {
         match self {
             Self::Fold | Self::Symmetry => node.fold,
@@ -92,10 +92,10 @@ impl Kind {
     }
 }
 
-/// A point at which the motion changes.
+/// Point at which the motion changes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Special {
-    /// What changes.
+    /// Kind.
     pub kind: Kind,
     /// Value of the parameter.
     pub value: f64,
@@ -103,66 +103,66 @@ pub struct Special {
     pub period: u64,
     /// Its word in normal form.
     pub word: String,
-    /// What is left of the equations of the point, over their slope in the parameter.
+    /// Residual of the equations of the point over their slope in the parameter.
     pub residual: f64,
     /// Estimate of the error of the value.
     pub uncertainty: f64,
     /// The critical multiplier; for kinds made by contact the largest.
     pub multiplier: Complex<f64>,
-    /// Whether the parameter turns there: at a fold, and where a graze makes the branch turn.
+    /// True if the parameter turns there: at a fold, and where a graze makes the branch turn.
     pub turns: bool,
-    /// On which branch.
+    /// Index of the branch.
     pub branch: usize,
-    /// Which of its points it is; the one beside it where the branch is born on another one.
+    /// Index of the point on the branch; that of its neighbour if the branch is born on another one.
     pub point: usize,
-    /// How it is found again with another number changed.
+    /// Data to find the point again with another number changed.
     pub(super) trail: Trail,
 }
 
-/// How a special point was found.
+/// Data from which a special point was found.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Trail {
-    /// What is zero there.
+    /// Value that is zero there.
     pub sought: Sought,
-    /// The orbit there, or the last one before.
+    /// Orbit there, or the last one before.
     pub seed: Seed,
-    /// The orbit that a limit was taken from.
+    /// Orbit from which a limit was taken.
     pub from: Option<Spot>,
 }
 
-/// What is zero at a special point.
+/// Value that is zero at a special point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Sought {
-    /// The function of its kind, on a branch that goes on.
+    /// Function of its kind, on a branch that goes on.
     Root,
-    /// What vanishes, seen from the side on which it exists.
+    /// Vanishing value, seen from the side on which it exists.
     Limit(Vanishing),
-    /// The load at the instant at which a rest begins.
+    /// Load at the instant at which a rest begins.
     Rest,
 }
 
-/// A special point that was looked for: its kind, what is zero there, and where.
+/// Kind, vanishing value and location of a special point.
 pub(super) type Found = (Kind, Sought, Located);
 
-/// A special point with the orbit there.
+/// Special point with the orbit there.
 pub struct Passed {
-    /// The point.
+    /// Special point.
     pub special: Special,
-    /// The orbit, or the last one before.
+    /// Orbit, or the last one before.
     pub node: Node,
-    /// Where the orbit starts; of a limit by extrapolation.
+    /// Start of the orbit; for a limit by extrapolation.
     pub section: Section,
-    /// An orbit behind the rigid graze at which the branch ends.
+    /// Orbit behind the rigid graze at which the branch ends.
     pub behind: Option<Node>,
     /// Distance along the branch, for the order.
     pub place: f64,
-    /// The branch is born there; the orbit is one of the branch that it is born from.
+    /// True if the branch is born there; the orbit is then one of the branch that it is born from.
     pub is_birth: bool,
 }
 
 impl Solver<'_> {
-    /// The special points of a branch in one direction, and what was passed and could not be located, or not until `last` cycles were run with
-    /// their derivative.
+    /// Returns the special points of a branch in one direction. Also returns, in words, those that could not be located, or not until
+    /// `last` cycles were run with their derivative.
     pub fn specials(&self, trace: &Trace, sign: f64, last: u64, task: Task<'_>) -> (Vec<Passed>, Vec<String>) {
         let (mut all, mut unlocated) = (Vec::new(), Vec::new());
         for (i, (a, b)) in trace.before.iter().zip(&trace.nodes).enumerate() {
@@ -214,7 +214,7 @@ impl Solver<'_> {
         (all, unlocated)
     }
 
-    /// What is passed between two neighbours, in words, and where it is if that was found.
+    /// Returns the special points between two neighbours: each in words, with its location if that was found.
     fn between(&self, a: &Node, b: &Node) -> Vec<(&'static str, Option<Found>)> {
         let by_contact = match Change::of(&a.course, &b.course) {
             Change::None => None,
@@ -234,7 +234,7 @@ impl Solver<'_> {
             (Kind::PeriodDoubling, a.flip * b.flip < 0.0),
             (Kind::Torus, before[2] != after[2] && before[..2] == after[..2]),
         ];
-        // Of the pairs that are outside on one side the last is inside on the other.
+        // Index of the last of the pairs that are outside on one side and inside on the other.
         let pair = (before[2].max(after[2]) / 2).saturating_sub(1);
         // A pair that damping does not move stays on the circle, on either side of it by rounding.
         let moves =
@@ -251,12 +251,12 @@ impl Solver<'_> {
         by_multipliers.filter(|(_, found)| found.is_some() || !jumps).chain(by_contact).collect()
     }
 
-    /// The orbit that a branch is born from between two neighbours that are the same orbit, begun elsewhere: one of half the period, at a
-    /// doubling, or a more symmetric one.
+    /// Returns the orbit from which a branch is born, between two neighbours that are the same orbit begun elsewhere. That orbit has half
+    /// the period, at a doubling, or more symmetry.
     fn birth(&self, a: &Node, b: &Node) -> Option<Passed> {
         let range = self.family.range();
         let (row, length) = a.chord(b, self.family.ranges());
-        // The parameter is a parabola of the way.
+        // The parameter is a parabola along the chord.
         let at = a.tangent.p / (a.tangent.p - b.tangent.p);
         let guess = a.guess(&row, self.family.ranges(), at * length);
         let turn = a.value + 0.5 * at * length * a.tangent.p * range;
@@ -265,7 +265,7 @@ impl Solver<'_> {
         let periods = [(a.orbit.period / 2, true), (a.orbit.period, false)];
         periods.into_iter().filter(|(_, is_half)| halves || !is_half).find_map(|(period, is_half)| {
             PARENT.iter().find_map(|step| {
-                // Beyond the turn there is the other one alone.
+                // Beyond the turn only the other branch exists.
                 let beyond = turn + step * a.tangent.p.signum() * range;
                 let guess = Guess { place: [beyond, a.second], period, ..guess.clone() };
                 let first = symmetric.at(guess, None, -a.tangent.p.signum()).ok()?;
@@ -291,12 +291,12 @@ impl Solver<'_> {
         })
     }
 
-    /// Whether the place of a point is known well enough.
+    /// Returns whether the uncertainty of a point is small enough.
     pub(super) fn is_located(&self, located: &Located) -> bool {
         located.uncertainty(self.family.range()) <= LOCATED
     }
 
-    /// The same for what is located on symmetric branches.
+    /// Returns the same solver, on symmetric branches with a cutoff that leaves the breaking direction alone.
     pub fn of_kind(&self, kind: Kind) -> Self {
         let neutral = if kind == Kind::Symmetry { SYMMETRIC } else { self.neutral };
         Self { neutral, drift: self.drift.clone(), slice: self.slice.clone(), spent: Rc::clone(&self.spent), ..*self }
@@ -325,7 +325,7 @@ impl Solver<'_> {
         }
     }
 
-    /// Which kind a graze is, by the law of the contact.
+    /// Returns the kind of a graze, by the law of the contact.
     pub(super) fn kind_of(&self, node: &Node, contact: usize, watch: Watch, is_closed: bool) -> Kind {
         let law = self.family.train(node.place()).ok().map(|s| s.structure.spec().contacts[contact].law);
         match law {
@@ -337,8 +337,8 @@ impl Solver<'_> {
         }
     }
 
-    /// Locates the instant at which an event and the one before it, of another contact, meet: from the side of `a`, where it is number `second`, else
-    /// from that of `b`.
+    /// Locates the instant at which an event and the one before it, of another contact, meet. It is sought from the side of `a`, where it
+    /// is number `second`, else from that of `b`.
     fn coincidence(&self, a: &Node, b: &Node, second: usize) -> Option<Found> {
         let from = |here: &Node, there: &Node, second: usize| {
             let key = Vanishing::Between(second);
@@ -360,7 +360,7 @@ impl Solver<'_> {
         first.into_iter().chain(other).min_by(|a, b| a.2.error.total_cmp(&b.2.error))
     }
 
-    /// The graze between a point and one with more events of `contact`.
+    /// Returns the graze between a point and one with more events of `contact`.
     fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<Found> {
         let is_same = |node: &Node| Change::of(&free.course, &node.course) == Change::None;
         let mut found: Vec<Found> = Vec::new();
@@ -385,7 +385,7 @@ impl Solver<'_> {
         let is_between = |located: &Located| (low - slack..=high + slack).contains(&located.value);
         found.retain(|(.., located)| is_between(located));
         if found.iter().all(|(.., located)| located.error > WELL) {
-            // With them: what vanishes there first.
+            // With the events: the first of their vanishing values.
             let is_same = |node: &Node| Change::of(&other.course, &node.course) == Change::None;
             let of_contact = |i: usize| other.course.letters[i].contact == contact;
             let mut all = vanishing(other);
@@ -397,7 +397,7 @@ impl Solver<'_> {
                 found.extend(located.filter(is_between).map(|located| (kind, Sought::Limit(*key), located)));
             }
         }
-        // At a rigid graze the motion is smooth without the impact alone.
+        // At a rigid graze only the motion without the impact is smooth.
         let is_singular =
             |found: &Found| found.0 == Kind::GrazingRigid && !matches!(found.1, Sought::Limit(Vanishing::Low(..)));
         let order = |found: &Found| (!self.is_located(&found.2), is_singular(found), found.2.error);
@@ -420,7 +420,7 @@ impl Solver<'_> {
         self.kind_of(node, letter.contact, watch, rests)
     }
 
-    /// What ends a branch: of all that can vanish the one that does so at the end.
+    /// Returns the end of a branch: of all values that can vanish, the one that does so at the end.
     fn end(&self, trace: &Trace, sign: f64) -> Option<Passed> {
         let last = trace.nodes.last()?;
         let same: Vec<&Node> = trace
@@ -446,7 +446,7 @@ impl Solver<'_> {
             Vanishing::Low(j, watch, is_closed) => self.kind_of(last, j, watch, is_closed),
             _ => self.kind_of_events(last, key),
         };
-        // From a point that is far enough for the orbits between to be well determined.
+        // From a point far enough for the orbits between to be well determined.
         let far = same.iter().find(|node| key.at(node).is_some_and(|g| g >= FAR)).copied();
         let far = far.or(same.last().copied())?;
         let is_same = |node: &Node| Change::of(&last.course, &node.course) == Change::None;
@@ -470,13 +470,13 @@ impl Solver<'_> {
     }
 }
 
-/// The multiplier nearest to `place`.
+/// Returns the multiplier nearest to `place`.
 fn nearest(node: &Node, place: Complex<f64>) -> Complex<f64> {
     let off = |m: &Complex<f64>| (m - place).norm();
     node.multipliers().into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or_default()
 }
 
-/// The complex multiplier nearest to the unit circle.
+/// Returns the complex multiplier nearest to the unit circle.
 fn on_circle(node: &Node) -> Option<Complex<f64>> {
     node.pairs().get(node.pair_on_circle()).copied()
 }

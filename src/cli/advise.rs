@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Folder of report.html, the figures and their data
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Change that still counts as none: forcing periods of time apart, share of the peak force
+    /// Largest accepted change: forcing periods of time apart, share of the peak force
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = tolerance)]
     tolerance: f64,
     /// Write into a folder that is not empty
@@ -47,10 +47,10 @@ const TABLE: &str = "advise.csv";
 const ADVICE: &str = "advise.json";
 const TIMING: &str = "timing.json";
 
-/// `timing.json`: the only file that two runs may write differently.
+/// Content of `timing.json`, the only file that differs between two runs.
 #[derive(Serialize)]
 struct Timing {
-    /// Repetitions, models in turn within each.
+    /// Repetitions; within each, all models in turn.
     repetitions: usize,
     models: Vec<Timed>,
 }
@@ -65,14 +65,14 @@ struct Timed {
 }
 
 const REPETITIONS: usize = 5;
-/// Dense steps of a repetition, about.
+/// Approximate dense steps of a repetition.
 const STEPS: f64 = 4_000.0;
 
-/// Advises.
+/// Runs `flank advise`.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let form = arguments.pictures.print()?;
     let plan = Plan::new(&read_scene(arguments.scene.as_deref())?)?;
-    // Refused before anything is run, made when there is something to write.
+    // Refused before any run, created with the first output.
     let files = Report::files(["rungs", "freedoms"], &[TABLE, ADVICE, TIMING]);
     let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
     let request = request(out, "advise", scene, arguments.force, files)?;
@@ -103,7 +103,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     Ok(Done::Completely)
 }
 
-/// The models of the table, in its order, and the least one if that is not among them.
+/// Returns the models of the table, in its order, and the least one if that is not among them.
 fn timed(advice: &Advice) -> Vec<&Rung> {
     let table = std::iter::once(&advice.full).chain(&advice.rungs).chain(&advice.together);
     let mut models: Vec<&Rung> = table.collect();
@@ -138,7 +138,7 @@ fn timing(advice: &Advice, task: Task<'_>) -> Result<Timing, StudyError> {
 fn text(advice: &Advice, timing: &Timing) -> String {
     let mut text = format!("{}: how little is enough\n\n", advice.scene);
     let mut models = advice.models_table();
-    // The time takes the place of the events, which are in the files: a line is to fit a terminal.
+    // The time replaces the events, which are in the files: a line should fit a terminal.
     let place = models.head.len() - 2;
     models.head[place] = "µs/T".to_owned();
     for (row, timed) in models.rows.iter_mut().zip(&timing.models) {
@@ -158,7 +158,7 @@ fn text(advice: &Advice, timing: &Timing) -> String {
     text + "\n" + &wrapped(&advice.rule_in_words(), "") + "\n"
 }
 
-/// What the least model saves in time.
+/// Returns a line on the time that the least model saves; `None` if there is none or it was not timed.
 fn faster(advice: &Advice, timing: &Timing) -> Option<String> {
     let least = advice.least()?;
     let own = timing.models.iter().find(|timed| timed.model == least.words)?;

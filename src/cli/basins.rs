@@ -23,7 +23,7 @@ use super::{
     work::{self, Merge, Points, Work, stem},
 };
 
-/// Attractors in the table that is printed.
+/// Most attractors in the printed table.
 const MOST: usize = 20;
 
 /// Arguments of `flank basins`.
@@ -53,7 +53,7 @@ pub struct Arguments {
     pictures: Pictures,
 }
 
-/// What was found, for the terminal.
+/// Returns the attractors that were found as text for the terminal.
 fn text(found: &Found) -> String {
     let Found { attractors, figures, .. } = found;
     let rows = attractors.iter().take(MOST).enumerate().map(|(i, attractor)| {
@@ -139,13 +139,13 @@ impl Points for Plane {
         })?;
         work.say(&format!("{}{} starts: {}\n", text(&found), found.figures.starts, out.join("basins.csv").display()))?;
         let failed = found.figures.fractions.last().map_or(0.0, |failed| failed.fraction);
-        // OK to convert: a share of whole starts.
+        // Exact: a share of whole starts.
         let starts = found.figures.starts as f64;
         Ok(Done::with_failed((failed * starts).round() as u64, starts as u64))
     }
 }
 
-/// A survey in a file: what it depends on, and the attractors that it found.
+/// Survey in a file: the data on which it depends, and its attractors.
 #[derive(Deserialize, Serialize)]
 struct Survey {
     of: Value,
@@ -159,7 +159,7 @@ impl Plane {
         Ok(Self { basins, name, form: pictures.print()?, survey: arguments.survey.clone() })
     }
 
-    /// The survey, from its file if that is there; else computed, and written into it. `None` if it is broken off.
+    /// Returns the survey, from its file if that exists; else computes and writes it. `None` if it is interrupted.
     fn survey(&self, task: Task<'_>) -> Result<Option<Vec<Attractor>>, CliError> {
         let of = Value::Object(self.basins.header());
         if let Some(file) = self.survey.as_deref().filter(|file| file.exists()) {
@@ -189,7 +189,7 @@ impl Plane {
     }
 }
 
-/// Finds where each start ends.
+/// Finds the end of each start.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let plane = Plane::new(arguments, scene.clone(), &arguments.pictures)?;
@@ -200,7 +200,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 /// Merges parts of basins.
 pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
     let plane = Plane::new(&work::read(asked)?, scene, pictures)?;
-    // A merge reads the survey, or makes it again; it writes into its own folder alone.
+    // A merge reads the survey, or computes it again; it writes only into its own folder.
     let survey = plane.survey.clone().filter(|file| file.exists());
     work::merge(&Plane { survey, ..plane }, parts)
 }

@@ -32,10 +32,10 @@ pub struct Arguments {
     pictures: Pictures,
 }
 
-/// A highest natural frequency so many times the forcing frequency is worth a word.
+/// Ratio of the highest natural frequency to the forcing frequency above which a warning is given.
 const STIFF: f64 = 1e3;
 
-/// Shows what a scene builds.
+/// Shows the train that a scene builds.
 pub fn execute(arguments: &Arguments) -> Result<(), CliError> {
     let form = arguments.pictures.print()?;
     let input = arguments.scene.as_deref();

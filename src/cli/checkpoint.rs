@@ -1,4 +1,4 @@
-//! What an interrupted command keeps, so that the same command with `--resume` goes on.
+//! Checkpoint of an interrupted command, from which the same command with `--resume` goes on.
 
 use std::{fs, io, path::Path};
 
@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 
 use super::{CliError, Done, print};
 
-/// What was asked, what came of it so far, and how it ended.
+/// Content of a checkpoint: the request, the work done so far, and the end of a finished command.
 #[derive(Deserialize)]
 struct Content<T> {
     asked: Map<String, Value>,
@@ -19,16 +19,16 @@ struct Content<T> {
     finished: Option<Done>,
 }
 
-/// How a command begins.
+/// Start of a command: with work to do, or finished before.
 pub enum Begun<T> {
-    /// With work to do, and with what has been done of it.
+    /// Work remains; the second field is the work done so far.
     Open(Checkpoint, Option<T>),
-    /// It has been finished, and ended so.
+    /// The command was finished before, and ended so.
     Finished(Done),
 }
 
 impl<T: DeserializeOwned> Content<T> {
-    /// What an earlier command left in `file` of `folder`, if it was asked the same.
+    /// Reads the checkpoint of an earlier command from `file` of `folder`, if there is one; an error if its request differs.
     fn read(folder: &Path, file: &str, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
         let path = folder.join(file);
         let text = match fs::read(&path) {
@@ -47,7 +47,7 @@ impl<T: DeserializeOwned> Content<T> {
     }
 }
 
-/// The folder of a command that can be broken off, and the file of what it keeps.
+/// Folder of a command that can be interrupted, and the name of its checkpoint file.
 pub struct Checkpoint {
     pub folder: Folder,
     file: &'static str,
@@ -55,7 +55,7 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Opens the folder, with what the same command has kept there if it is to `resume`.
+    /// Opens the folder, with the checkpoint of the same command if it is to `resume`.
     pub fn begin<T: DeserializeOwned>(
         request: &Request<'_>,
         file: &'static str,
@@ -70,22 +70,22 @@ impl Checkpoint {
             }
             return Ok(Begun::Finished(done));
         }
-        // What another command wrote is not removed by --resume.
+        // Files of another command are not removed by --resume.
         let folder = if resume { request.reopen() } else { request.open() }?;
         let (work, mut checkpoint) = (earlier.and_then(|content| content.work), Self { folder, file, asked });
         if work.is_none() {
-            // What is broken off before any work is kept is known by what was asked.
+            // Work that is interrupted before the first checkpoint is identified by its request.
             checkpoint.write(None::<()>, None)?;
         }
         Ok(Begun::Open(checkpoint, work))
     }
 
-    /// Keeps what came of the command so far.
+    /// Writes the work done so far.
     pub fn keep(&mut self, work: &impl Serialize) -> Result<(), OutputError> {
         self.write(Some(work), None)
     }
 
-    /// Keeps that it is finished, and how it ended.
+    /// Writes that the command is finished, and how it ended.
     pub fn finish(&mut self, done: Done) -> Result<(), OutputError> {
         self.write(None::<()>, Some(done))
     }
@@ -102,7 +102,7 @@ const HEAD: &str = "{\"crc32\":\"";
 const MIDDLE: &str = "\",\"content\":";
 const TAIL: &str = "}\n";
 
-/// The content of a file, if its checksum fits.
+/// Returns the content of a file, if its checksum fits.
 fn checked(text: &str) -> Option<&str> {
     let (sum, rest) = text.strip_prefix(HEAD)?.split_at_checked(8)?;
     let content = rest.strip_prefix(MIDDLE)?.strip_suffix(TAIL)?;

@@ -20,10 +20,10 @@ pub struct Arguments {
     /// Write compare.json, compare.csv, timing.json, charts and report.html into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Cycles to compare over, at most; the scene's own, but not more than 50, if left out
+    /// Most cycles to compare over; the scene's own, but not more than 50, if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     cycles: Option<u64>,
-    /// The window ends before errors grow so many times
+    /// Largest growth of errors in the window
     #[arg(long, value_name = "X", default_value_t = 1e3, value_parser = growth)]
     growth: f64,
     /// Most steps of one run
@@ -46,7 +46,7 @@ fn growth(word: &str) -> Result<f64, String> {
     word.parse().ok().filter(|x| (1.0..=1e6).contains(x)).ok_or_else(|| "a number from 1 to 1e6".to_owned())
 }
 
-/// What is compared if nobody says.
+/// Methods that are compared by default.
 const USUAL: [&str; 8] = ["flank", "rk4", "rk4+cubic", "newmark", "verlet", "euler", "tsit45", "bdf"];
 
 /// Compares methods on a scene.
@@ -81,7 +81,7 @@ fn contenders(arguments: &Arguments, problem: &Problem<'_>) -> Result<Vec<Conten
     let words: Vec<&str> = if arguments.methods.is_empty() {
         USUAL.to_vec()
     } else {
-        // Flank is what the others are measured against.
+        // Flank is the reference for the others.
         std::iter::once("flank").chain(arguments.methods.iter().map(String::as_str)).collect()
     };
     for word in words {
@@ -110,7 +110,7 @@ fn text(name: &str, found: &WorkPrecision<'_>, summaries: &[ContenderSummary], o
         text += &format!("\n{}", found.run_table());
     }
     text += "\n";
-    // Without the last column, which follows in words.
+    // Without the last column, whose content follows in words.
     let mut orders = found.order_table(summaries);
     orders.rows.iter_mut().chain([&mut orders.head]).for_each(|row| drop(row.pop()));
     text += &format!("{orders}\n");

@@ -32,9 +32,9 @@ use super::{
 const TABLE: &str = "branches.csv";
 const SPECIAL: &str = "special.csv";
 const CURVES: &str = "curves.csv";
-/// Characters of a word in the table that is printed: eight events.
+/// Most characters of a word in the printed table: eight events.
 const LONGEST: usize = 31;
-/// What a later command goes on with.
+/// Name of the checkpoint file, from which `--resume` goes on.
 const STATE: &str = "continue.json";
 
 /// Arguments of `flank continue`.
@@ -56,16 +56,16 @@ pub struct Arguments {
     /// Levels of branches beyond the first that are followed from doublings and broken symmetries
     #[arg(long, value_name = "N", default_value_t = 3)]
     doublings: u32,
-    /// A kind of special points that are followed in a second number
+    /// Kind of special points to follow in a second number
     #[arg(long, value_name = "KIND", requires = "second", value_enum)]
     follow: Option<Kind>,
-    /// The second number, by JSON pointer: POINTER=FROM:TO, as with --vary
+    /// Second number, by JSON pointer: POINTER=FROM:TO, as with --vary
     #[arg(long, value_name = "AXIS", requires = "follow")]
     second: Option<String>,
     /// Threads; as many as there are cores if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Go on with a command that was broken off
+    /// Resume an interrupted command
     #[arg(long, conflicts_with = "force")]
     resume: bool,
     /// Write into a folder that is not empty
@@ -92,7 +92,7 @@ fn axis(text: &str) -> Result<(Vec<&str>, [f64; 2]), Vec<Fault>> {
     Ok((pointers.split(',').collect(), ends))
 }
 
-/// The numbers of an axis, and their range with the scene's own value in it.
+/// Returns the parameter of an axis, and its range extended to the scene's own value.
 fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), CliError> {
     let (pointers, ends) = axis(text).map_err(GridError)?;
     let parameter = Parameter::new(scene.resolved(), &pointers)
@@ -107,7 +107,7 @@ fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), CliErro
     Ok((parameter, ends))
 }
 
-/// What came of it so far.
+/// Work done so far, as the checkpoint holds it.
 #[derive(Serialize, Deserialize)]
 struct Work {
     followed: Followed,
@@ -158,7 +158,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let folder = &mut checkpoint.folder;
         folder.bytes(TABLE, branches.table())?;
         folder.bytes(SPECIAL, branches.special_table())?;
-        // Figures are drawn at the end: tables are what is gone on with.
+        // Figures are drawn at the end: a resumed command needs only tables.
         let is_last = finished != Some(false);
         if is_last {
             branches.figure(&name).draw_into(folder, &form)?;
@@ -198,7 +198,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     let followed = followed?;
     let is_whole = !task.is_cancelled();
-    // What was broken off is in the tables, and is begun anew later.
+    // An interrupted branch is in the tables, and is followed again later.
     keep(&followed, &found, is_whole.then_some(true))?;
     if !arguments.quiet {
         let left_out = if is_whole { followed.left_out } else { 0 };
@@ -214,7 +214,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     Ok(Done::Interrupted)
 }
 
-/// One line for each curve, one for each point that is special in its turn.
+/// Returns one line for each curve, one for each point of codimension two.
 fn curves_text(curves: &[Curve]) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     for (i, curve) in curves.iter().enumerate() {
@@ -229,7 +229,7 @@ fn curves_text(curves: &[Curve]) -> Result<String, std::fmt::Error> {
     Ok(out)
 }
 
-/// A word that leaves a line readable; the tables have the whole.
+/// Returns a word short enough for a line; the tables have all of it.
 fn shortened(word: &str) -> String {
     if word.len() <= LONGEST { word.to_owned() } else { format!("{} …", &word[..LONGEST]) }
 }

@@ -31,7 +31,7 @@ pub struct Arguments {
     /// Each value starts where the one before it ended: upwards, downwards, or both
     #[arg(long, default_value = "up", value_parser = ["up", "down", "both"])]
     seed: String,
-    /// Starts of the first value: that of the scene, and others spread around it
+    /// Number of starts of the first value: that of the scene, and others spread around it
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
     starts: u64,
     /// Cycles dropped at each value
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Cycles recorded at each value
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     points: u64,
-    /// A folder of flank continue over the same number: its branches are drawn over the points
+    /// Folder of flank continue over the same number: its branches are drawn over the points
     #[arg(long, value_name = "DIR")]
     branches: Option<PathBuf>,
     #[command(flatten)]
@@ -55,7 +55,7 @@ pub struct Arguments {
     pictures: Pictures,
 }
 
-/// A diagram, the branches over it, and the form of its figure.
+/// Diagram, the branches over it, and the form of its figure.
 struct Drawn {
     diagram: Diagram,
     name: String,

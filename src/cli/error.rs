@@ -1,4 +1,4 @@
-//! What can go wrong, and the exit code it has.
+//! Errors of the command line, and their exit codes.
 
 use std::{fmt, io::IsTerminal as _, process::ExitCode};
 
@@ -29,7 +29,7 @@ pub enum CliError {
     /// Arguments cannot be used.
     #[error("the arguments cannot be used{}", .0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
     Arguments(Vec<Fault>),
-    /// The sweep cannot be kept in its folder.
+    /// The sweep cannot be stored in its folder.
     #[error("{0}")]
     Sweep(SweepError),
     /// A simulation cannot be made, fails, or contradicts itself.
@@ -44,7 +44,7 @@ pub enum CliError {
     /// The comparison cannot be made.
     #[error(transparent)]
     Accuracy(#[from] AccuracyError),
-    /// No scene can be made of a gearbox file.
+    /// A gearbox file gives no scene.
     #[error("{0}: {1}")]
     Import(String, ImportError),
     /// A file cannot be read.
@@ -132,12 +132,12 @@ impl From<SweepError> for CliError {
 }
 
 impl CliError {
-    /// A file that cannot be written.
+    /// Returns the error of a file that cannot be written.
     pub fn file(place: impl fmt::Display, error: std::io::Error) -> Self {
         Self::File(place.to_string(), error)
     }
 
-    /// Writes the error to standard error and gives the exit code.
+    /// Writes the error to standard error and returns the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
             // Those of sysexits.h: EX_CANTCREAT and EX_IOERR.
@@ -150,7 +150,7 @@ impl CliError {
             Self::Study(StudyError::Overflow(_)) => 1,
             _ => 2,
         };
-        // A file or a pipe gets whole lines, which can be searched.
+        // A file or a pipe receives whole lines, which can be searched.
         let wrapped = std::io::stderr().is_terminal();
         let handler =
             move |_: &_| -> Box<dyn ReportHandler> { Box::new(MietteHandlerOpts::new().wrap_lines(wrapped).build()) };

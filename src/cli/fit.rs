@@ -36,13 +36,13 @@ pub struct Arguments {
     /// Spread of the first sets around the scenes' own numbers, as a share of the ranges; small values search nearby
     #[arg(long, value_name = "SHARE", default_value_t = 0.25, value_parser = spread)]
     spread: f64,
-    /// Random copies by which each set is judged too
+    /// Random copies with which each set is judged too
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=100))]
     copies: u16,
-    /// Share by which the numbers of copies differ at most
+    /// Largest share by which the numbers of copies differ
     #[arg(long, value_name = "SHARE", default_value_t = 0.02, value_parser = share)]
     jitter: f64,
-    /// Go on with the trials in the folder
+    /// Resume with the trials in the folder
     #[arg(long, conflicts_with = "force")]
     resume: bool,
     /// Write into a folder that is not empty
@@ -62,7 +62,7 @@ fn share(word: &str) -> Result<f64, String> {
     word.parse().ok().filter(|share| (0.0..=0.5).contains(share)).ok_or_else(|| "a share from 0 to 0.5".to_owned())
 }
 
-/// A spread of zero tries the same numbers for ever.
+/// Reads a spread; zero would try the same numbers for ever.
 fn spread(word: &str) -> Result<f64, String> {
     share(word).ok().filter(|share| *share >= 1e-3).ok_or_else(|| "a share from 0.001 to 0.5".to_owned())
 }
@@ -91,7 +91,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let mut folder = Request { folder: &arguments.out, command: "fit", input, force, files }.open()?;
     let mut rows = folder.create(TRIALS)?;
     line(&mut rows, &head)?;
-    // What is known stands in the file before anything else is tried.
+    // Known trials are written before any new one.
     let pool = threads(arguments.threads)?;
     let count = arguments.trials as usize;
     let mut kept = known.len();
@@ -99,7 +99,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         line(&mut rows, &row(trial))?;
     }
     let mut take = |trial: &Trial| {
-        // The search tries what is known again, in the same order.
+        // The search repeats known trials, in the same order.
         if kept > 0 {
             kept -= 1;
             return Ok(());
@@ -140,7 +140,7 @@ fn line(file: &mut File, text: &str) -> Result<(), StudyError> {
     writeln!(file, "{text}").map_err(|error| StudyError::File(format!("{TRIALS}: {error}")))
 }
 
-/// The trials of an earlier run of the same question. A line that was not finished does not count.
+/// Returns the trials of an earlier run of the same question. An incomplete line is ignored.
 fn known(path: &Path, head: &str) -> Result<Vec<Trial>, StudyError> {
     let text = fs::read_to_string(path).map_err(|error| StudyError::File(format!("{}: {error}", path.display())))?;
     let mut lines = text.lines();

@@ -41,7 +41,7 @@ pub struct Arguments {
 const ANSWER: &str = "identify.json";
 const SCENE: &str = "scene.json";
 
-/// `identify.json`.
+/// Content of `identify.json`.
 #[derive(Serialize)]
 struct File<'a> {
     flank: &'static str,
@@ -114,7 +114,7 @@ fn text(scene: &Scene, found: &Identification) -> Result<String, std::fmt::Error
     Ok(out)
 }
 
-/// The numbers sought, each with its place in the list.
+/// Returns the names of the numbers sought, each with its place in the list.
 fn names(found: &Identification) -> impl Iterator<Item = String> {
     found.parameters.iter().enumerate().map(|(i, p)| format!("[{}] {}", i + 1, p.pointers.join(",")))
 }
@@ -145,7 +145,7 @@ fn targets(found: &Identification) -> Table {
     Table::new(["", "wanted", "sigma", "got", "off", "off %", "off / sigma"]).with(rows)
 }
 
-/// A difference to four decimals; nothing where that, or a millionth of `scale`, is more than it is.
+/// Returns a difference to four decimals; `0` if it is below 5e-5 or a millionth of `scale`.
 fn rounded(value: f64, scale: f64) -> String {
     if value.abs() < f64::max(5e-5, 1e-6 * scale.abs()) { "0".to_owned() } else { format!("{value:+.4}") }
 }

@@ -15,19 +15,19 @@ use super::{CliError, print};
 pub struct Arguments {
     /// Gearbox file in the format REXS: XML, JSON or zip
     file: PathBuf,
-    /// Scene to write; the origin of each number is written beside it, into a file that ends in .origins.csv
+    /// Scene to write; the origin of each number is written into a file beside it that ends in .origins.csv
     #[arg(long, value_name = "SCENE", default_value = "scene.json")]
     out: PathBuf,
     /// Load case by its id in the file; the first one if left out
     #[arg(long, value_name = "ID")]
     load_case: Option<String>,
-    /// A number of the scene that replaces that of the file
+    /// Number of the scene that replaces that of the file
     #[arg(long, value_name = "POINTER=VALUE")]
     set: Vec<String>,
-    /// A shaft that stands still, by its name or id
+    /// Shaft that stands still, by its name or id
     #[arg(long, value_name = "SHAFT")]
     fix: Vec<String>,
-    /// Ask for numbers that the file does not have, in place of usual values
+    /// Report numbers that the file does not have, in place of usual values
     #[arg(long)]
     no_defaults: bool,
     /// Replace files that exist
@@ -71,7 +71,7 @@ pub fn execute(arguments: &Arguments) -> Result<(), CliError> {
     print(&text(&found, arguments).unwrap_or_default())
 }
 
-/// `POINTER=VALUE`, the value as JSON, or else a text.
+/// Reads `POINTER=VALUE`, the value as JSON, or else a text.
 fn assignment(text: &str, faults: &mut Vec<Fault>) -> Option<(String, Value)> {
     match text.split_once('=') {
         Some((pointer, value)) if pointer.starts_with('/') => {

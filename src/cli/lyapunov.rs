@@ -25,7 +25,7 @@ use super::{
 
 const LYAPUNOV: &str = "lyapunov.json";
 const STATE: &str = "lyapunov.state";
-/// Least time between two states that are written.
+/// Least time between two writes of the state.
 const PAUSE: Duration = Duration::from_secs(1);
 
 /// Arguments of `flank lyapunov`.
@@ -39,7 +39,7 @@ pub struct Arguments {
     /// Cycles averaged; until the band of the largest exponent is below 1e-3 of the largest if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     cycles: Option<u64>,
-    /// Add what one gets if the change of event times is left out
+    /// Add the exponents without the change of event times
     #[arg(long)]
     without_saltation: bool,
     /// Add the finite-time exponents of the first N cycles from the start
@@ -48,7 +48,7 @@ pub struct Arguments {
     /// Threads; one motion takes one of them, finite-time exponents two
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Go on where the same command was broken off
+    /// Resume the same interrupted command
     #[arg(long)]
     resume: bool,
     /// Write into a folder that is not empty
@@ -61,7 +61,7 @@ pub struct Arguments {
     pictures: Pictures,
 }
 
-/// Measures exponents.
+/// Computes exponents.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;

@@ -45,13 +45,13 @@ pub struct Arguments {
     pictures: Pictures,
 }
 
-/// How long motions are run.
+/// Lengths of the runs, in cycles.
 #[derive(Debug, clap::Args, Deserialize, Serialize)]
 pub struct RuleArguments {
-    /// Cycles that belong to the transient
+    /// Cycles of the transient
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     transient: u64,
-    /// Cycles after it by which the kind of a motion without an orbit is decided
+    /// Cycles after it that decide on the kind of a motion without an orbit
     #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u64).range(100..=1_000_000))]
     further: u64,
 }
@@ -62,13 +62,13 @@ impl RuleArguments {
     }
 }
 
-/// Number of cells of each kind, one line each.
+/// Returns the number of cells of each kind, one line each.
 pub fn counts(tally: &Tally) -> String {
     let share = |count: u64| 100.0 * count as f64 / tally.cells().max(1) as f64;
     tally.kinds().into_iter().map(|(kind, count)| format!("{kind}: {count} ({:.2} %)\n", share(count))).collect()
 }
 
-/// A map, and the form of its figure.
+/// Map, and the form of its figure.
 struct Map {
     map: KindMap,
     form: Print,

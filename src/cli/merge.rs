@@ -14,7 +14,7 @@ use super::{
 /// Arguments of `flank merge`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The folders of all parts
+    /// Folders of all parts
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
     /// Folder of the files of the undivided command; its name if left out
@@ -33,7 +33,7 @@ pub struct Arguments {
     pictures: Pictures,
 }
 
-/// Takes the parts of divided work together.
+/// Merges the parts of divided work.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let Part { command, part, name, scene, asked, instructions } = parts(&arguments.folders)?;
     let share: Share = part.parse().map_err(|found| {

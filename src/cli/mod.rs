@@ -41,13 +41,26 @@ use flank::{
 
 pub use error::CliError;
 
+/// The exit codes of all commands.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0    the work is done
+  1    the work failed or contradicts itself (an alarm, or --verify): do not use its numbers
+  2    the usage or the scene is wrong
+  3    all work is done, and some points failed (column error)
+  4    the event budget of the scene was spent
+  73   another command writes into the folder
+  74   a file cannot be written
+  75   interrupted by a signal or the time limit: the same command with --resume goes on, where it keeps work
+  130  ended at once by a second signal";
+
 /// Gear vibro-impact with exact events.
 #[derive(Debug, Parser)]
-#[command(name = "flank", version, propagate_version = true)]
+#[command(name = "flank", version, propagate_version = true, after_help = EXIT_CODES)]
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// Wait so long for another command that writes into the same folder
+    /// Wait up to this time for another command that writes into the same folder
     #[arg(long, global = true, value_name = "SECONDS", default_value_t = 0, hide_default_value = true)]
     lock_wait: u32,
 }
@@ -58,7 +71,7 @@ enum Command {
     Run(run::Arguments),
     /// Make every figure and number of a study, with a report to look at
     Study(study::Arguments),
-    /// Make a scene simpler step by step: what each step changes and what it saves, and which freedoms matter
+    /// Simplify a scene step by step: change and saving of each step, and the freedoms that matter
     Advise(advise::Arguments),
     /// Measure the steady motion at every point of a grid of scene numbers
     Sweep(sweep::Arguments),
@@ -68,9 +81,9 @@ enum Command {
     Map(map::Arguments),
     /// Draw section points, impacts and exponents of motions against one number, on the way up and down
     Diagram(diagram::Arguments),
-    /// Take the parts of a divided sweep, map, diagram or basins together
+    /// Merge the parts of a divided sweep, map, diagram or basins
     Merge(merge::Arguments),
-    /// Find where each start in a plane of starts ends: attractors, their basins, how their boundary looks
+    /// Find the end of each start in a plane of starts: attractors, their basins, the form of their boundary
     Basins(basins::Arguments),
     /// Solve for the periodic orbit that a scene starts on or approaches: stable or not, with its multipliers
     Orbit(orbit::Arguments),
@@ -120,7 +133,7 @@ enum Look {
 }
 
 impl Arguments {
-    /// Reads the command line. A negative number is a value, so that the range of an argument is named, and no option.
+    /// Reads the command line. A negative number is a value, not an option, so that a fault names the range of its argument.
     pub fn read() -> Self {
         let signed = |arg: clap::Arg| {
             let takes_values = arg.get_action().takes_values();
@@ -132,30 +145,30 @@ impl Arguments {
     }
 }
 
-/// Ends the program with what clap has to say: a fault of the words, or the help that was asked for.
+/// Ends the program with the message of clap: an error in the arguments, or the help text.
 fn exit(error: &clap::Error) -> ! {
     let written = error.print().and_then(|()| std::io::stdout().flush());
     let is_lost = written.is_err_and(|error| error.kind() != std::io::ErrorKind::BrokenPipe);
     std::process::exit(if is_lost && !error.use_stderr() { 74 } else { error.exit_code() })
 }
 
-/// How a command ended.
+/// End of a command, from which its exit code follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Done {
-    /// As asked.
+    /// The command did all that was asked.
     Completely,
-    /// It failed, or does not tell what was asked.
+    /// The command failed, or has no answer to what was asked.
     Partly,
     /// All was done, and some points failed.
     SomeFailed,
     /// The event budget of a scene was spent.
     BudgetSpent,
-    /// It was interrupted, and can be resumed where it keeps what was done.
+    /// The command was interrupted; it can be resumed if it keeps a checkpoint.
     Interrupted,
 }
 
 impl Done {
-    /// The exit code.
+    /// Returns the exit code.
     pub fn code(self) -> ExitCode {
         match self {
             Self::Completely => ExitCode::SUCCESS,
@@ -167,7 +180,7 @@ impl Done {
         }
     }
 
-    /// The end of work of so many points, some of which failed.
+    /// Returns the end of work of `all` points, `failed` of which failed.
     pub fn with_failed(failed: u64, all: u64) -> Self {
         match failed {
             0 => Self::Completely,
@@ -177,7 +190,7 @@ impl Done {
     }
 }
 
-/// Executes what the arguments ask for.
+/// Executes the command that the arguments name.
 pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
     flank::output::wait_for_others(std::time::Duration::from_secs(arguments.lock_wait.into()));
     match arguments.command {
@@ -219,7 +232,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
     Ok(Done::Completely)
 }
 
-/// Reads a scene; `-` is standard input, nothing the reference scene.
+/// Reads a scene; `-` is standard input, no path the reference scene.
 fn read_scene(path: Option<&Path>) -> Result<Scene, CliError> {
     match path {
         None => Ok(Scene::reference()?),
@@ -228,7 +241,7 @@ fn read_scene(path: Option<&Path>) -> Result<Scene, CliError> {
     }
 }
 
-/// The same, ready to run.
+/// Reads a scene and makes it ready to run.
 fn open(path: Option<&Path>) -> Result<Simulation, CliError> {
     match path.filter(|path| *path != Path::new("-")) {
         Some(path) => Ok(Simulation::from_file(path)?),
@@ -236,7 +249,7 @@ fn open(path: Option<&Path>) -> Result<Simulation, CliError> {
     }
 }
 
-/// What a command that reads `scene` is to write into `out`, if that is given. Refused before any work; nothing is changed yet.
+/// Returns the request of a command that reads `input` and writes into `out`, if given; checked before any work, nothing is changed yet.
 fn request<'a>(
     out: Option<&'a Path>,
     command: &'a str,
@@ -249,37 +262,37 @@ fn request<'a>(
     Ok(request)
 }
 
-/// Where the page of a command lies; nothing if it writes none.
+/// Returns the line that names the report page of a command; empty if it writes none.
 fn report_line(out: Option<&Path>) -> String {
     out.map_or_else(String::new, |out| format!("report: {}\n", out.join("report.html").display()))
 }
 
-/// An argument written as the values of an axis, which has a pointer in a sweep and here the name of the argument.
+/// Reads an argument in the form of the values of an axis; its name takes the place of the pointer.
 fn axis(name: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Axis> {
     Axis::parse(&format!("/{name}={text}")).map_err(|found| faults.extend(found)).ok()
 }
 
-/// Threads to work on: `count`, or as many as there are cores.
+/// Returns a pool of `count` threads, or of as many as there are cores.
 fn threads(count: Option<u16>) -> Result<rayon::ThreadPool, CliError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(count.map_or(0, usize::from)).build();
     pool.map_err(|error| CliError::file("threads", std::io::Error::other(error)))
 }
 
-/// Columns of a terminal that reports fit.
+/// Columns of a terminal for reports.
 const COLUMNS: usize = 100;
 
-/// Text in lines that fit a terminal, each behind `indent`; further lines are set in.
+/// Returns text in lines that fit a terminal, each behind `indent`; further lines are indented more.
 fn wrapped(text: &str, indent: &str) -> String {
     let further = format!("{indent}  ");
     textwrap::fill(text, textwrap::Options::new(COLUMNS).initial_indent(indent).subsequent_indent(&further))
 }
 
-/// Writes a line to standard error. Where that cannot be written into, nobody reads it.
+/// Writes a line to standard error. A failure is ignored: nobody could read it.
 fn tell(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Writes text to standard output. A reader that has gone away, as `head` does, is no error.
+/// Writes text to standard output. A closed reader, such as `head`, is no error.
 fn print(text: &str) -> Result<(), CliError> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

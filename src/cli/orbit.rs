@@ -34,13 +34,13 @@ pub struct Arguments {
     /// Period, cycles; the smallest that is found if left out
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     period: Option<u64>,
-    /// Look from this many further starts, for other orbits
+    /// Search from this many further starts, for other orbits
     #[arg(long, value_name = "N", default_value_t = 0)]
     starts: usize,
     /// Threads; as many as there are cores if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Go on where the same command was broken off
+    /// Resume the same interrupted command
     #[arg(long)]
     resume: bool,
     /// Write into a folder that is not empty

@@ -7,7 +7,7 @@ use flank::{
 
 use super::CliError;
 
-/// The form of the figures.
+/// Form of the figures.
 #[derive(Debug, Default, clap::Args)]
 pub struct Pictures {
     /// Formats of the figures
@@ -22,13 +22,13 @@ pub struct Pictures {
     /// Draw these panels only, counted from 1
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..), help_heading = "Figures")]
     panels: Vec<u16>,
-    /// Leave the titles of figures out: a paper has captions
+    /// Leave out the titles of figures: a paper has captions
     #[arg(long, help_heading = "Figures")]
     no_titles: bool,
 }
 
 impl Pictures {
-    /// The form that was asked for.
+    /// Returns the requested form.
     pub fn print(&self) -> Result<Print, CliError> {
         let mut faults: Vec<Fault> = Vec::new();
         let mut print = Print {

@@ -13,21 +13,21 @@ use std::{
 use flank::{Progress, Task};
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Ctrl-C was pressed.
+/// True after Ctrl-C.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Positions of the bar.
 const LENGTH: f64 = 10_000.0;
 
-/// Work is going on that has to end soon after Ctrl-C.
+/// True while work is running that has to end soon after Ctrl-C.
 static WORKING: AtomicBool = AtomicBool::new(false);
-/// Number of times that the handler looks for the end of that work, and the pause between two.
+/// Number of checks of the handler for the end of that work, and the pause between two.
 const LOOKS: u32 = 50;
 const PAUSE: Duration = Duration::from_millis(20);
 /// The exit codes after one signal, and after a second one.
 const FIRST: i32 = 75;
 const SECOND: i32 = 130;
 
-/// Work that Ctrl-C ends, for as long as this lives.
+/// Work that Ctrl-C ends, during the life of this value.
 #[must_use = "Ctrl-C waits for work that ends at once"]
 pub struct Work;
 
@@ -37,8 +37,8 @@ impl Drop for Work {
     }
 }
 
-/// Makes Ctrl-C, SIGTERM and SIGHUP end the work that begins. A second one ends the program at once, and so does the first where the work
-/// goes on for a second: within one long cycle nobody asks. Rows, events and checkpoints are in their files by then.
+/// Makes Ctrl-C, SIGTERM and SIGHUP end the work that begins. A second signal ends the program at once, and so does the first if the work
+/// continues for a second: a long cycle checks for no signal. Rows, events and checkpoints are in their files by then.
 pub fn catch_interrupt() -> Work {
     static ONCE: Once = Once::new();
     WORKING.store(true, Ordering::Relaxed);
@@ -81,11 +81,11 @@ fn listen(end: fn()) {
 
 #[cfg(not(unix))]
 fn listen(end: fn()) {
-    // A handler that is there already (as in a host program) is left in place: the run then ends as it says.
+    // An existing handler (as in a host program) stays in place: the run then ends by that.
     let _ = ctrlc::set_handler(end);
 }
 
-/// Ends the work that goes on after some time.
+/// Ends the work after some time.
 pub fn limit(seconds: f64) {
     thread::spawn(move || {
         thread::sleep(Duration::from_secs_f64(seconds));
@@ -93,7 +93,7 @@ pub fn limit(seconds: f64) {
     });
 }
 
-/// Does work that Ctrl-C cancels under a bar of `count` things, `kept` of which are done already.
+/// Does work that Ctrl-C cancels, with a bar of `count` things, `kept` of which are done already.
 pub fn counted<R>(count: usize, kept: usize, things: &str, quiet: bool, work: impl FnOnce(Task<'_>) -> R) -> R {
     let working = catch_interrupt();
     let template = format!("{{bar:40}} {{pos}} of {{len}} {things}  {{per_sec}}  {{eta}} left");
@@ -106,12 +106,12 @@ pub fn counted<R>(count: usize, kept: usize, things: &str, quiet: bool, work: im
     done
 }
 
-/// Work that Ctrl-C cancels and `progress` follows.
+/// Returns the task of work that Ctrl-C cancels and `progress` follows.
 pub fn cancellable<'a>(progress: &'a (dyn Fn(Progress) + Sync)) -> Task<'a> {
     Task::new(&INTERRUPTED, progress)
 }
 
-/// A bar on standard error if that is a terminal and `quiet` is false; else nothing is shown.
+/// Returns a bar on standard error if that is a terminal and `quiet` is false; else a hidden one.
 fn bar(length: u64, template: &str, quiet: bool) -> ProgressBar {
     if quiet || !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
@@ -123,12 +123,12 @@ fn bar(length: u64, template: &str, quiet: bool) -> ProgressBar {
     bar
 }
 
-/// A bar for the length of a run.
+/// Returns a bar for the length of a run.
 pub fn running(quiet: bool) -> ProgressBar {
     bar(LENGTH as u64, "{bar:40} {percent:>3} %  {msg}", quiet)
 }
 
-/// Shows that a share of a run is done, which has so many cycles if it has cycles.
+/// Shows that a share of a run is done; `cycles` is the number of its cycles, if it has any.
 pub fn show(bar: &ProgressBar, progress: Progress, cycles: Option<f64>) {
     let Progress::Share(done) = progress else { return };
     bar.set_position((done * LENGTH) as u64);
@@ -139,7 +139,7 @@ pub fn show(bar: &ProgressBar, progress: Progress, cycles: Option<f64>) {
     }
 }
 
-/// A time in the unit that suits it.
+/// Returns a time in a suitable unit.
 pub fn lasting(seconds: f64) -> String {
     const UNITS: [(f64, &str); 5] =
         [(365.25 * 86_400.0, "years"), (86_400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (1.0, "s")];
@@ -147,16 +147,16 @@ pub fn lasting(seconds: f64) -> String {
     format!("{:.0} {name}", seconds / unit)
 }
 
-/// Time after which a run is judged by its rate, and the time that is worth a word, s.
+/// Time after which a run is judged by its rate, and the least time that is reported, s.
 const JUDGED: f64 = 2.0;
 const LONG: f64 = 600.0;
 
-/// An estimate of a run, told once where it is unusual.
+/// Estimate of a run, reported once if it is unusual.
 #[derive(Default)]
 pub struct Estimate(AtomicBool);
 
 impl Estimate {
-    /// Words for a run of which the share `done` took some seconds and wrote `bytes`; nothing if it is not long, or was told.
+    /// Returns words for a run whose share `done` took some seconds and wrote `bytes`; `None` for short runs, or after the first report.
     pub fn words(&self, done: f64, seconds: f64, bytes: impl FnOnce() -> u64) -> Option<String> {
         let total = seconds / done;
         let is_due =

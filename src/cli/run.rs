@@ -39,7 +39,7 @@ pub struct Arguments {
     /// Write no events.jsonl and no events.csv
     #[arg(long, requires = "out")]
     no_log: bool,
-    /// Write no report.html and no figures: a report takes as long as it takes to decide the kind of the motion
+    /// Write no report.html and no figures: a report takes as long as the decision on the kind of the motion
     #[arg(long, requires = "out")]
     no_report: bool,
     /// Stop after this many events
@@ -150,7 +150,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
 }
 
-/// Writes the page of a run, with its figures. The reason why there is none.
+/// Writes the page of a run, with its figures; returns the reason if there is none.
 fn write_page(
     simulation: &Simulation,
     record: &RunRecord,
@@ -170,7 +170,7 @@ fn write_page(
     write().map_err(|error: flank::output::OutputError| error.to_string())
 }
 
-/// The whole report.
+/// Returns the whole report.
 fn text(simulation: &Simulation, summary: &Summary) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     let train = &summary.train;

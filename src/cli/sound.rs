@@ -19,13 +19,13 @@ use super::{
 pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
-    /// The sound: WAV, one channel, 48 kHz, 32-bit float
+    /// Sound file: WAV, one channel, 48 kHz, 32-bit float
     #[arg(long, value_name = "FILE", default_value = "rattle.wav")]
     out: PathBuf,
     /// Length, s, from the end of the scene's transient on
     #[arg(long, value_name = "S", default_value_t = 3.0)]
     seconds: f64,
-    /// Momentum, N s, of the impact that a path of amplitude 1 makes as loud as a file can be: the same for all files to compare
+    /// Momentum, N s, of the impact that a path of amplitude 1 makes as loud as a file can be; keep it for files to compare
     #[arg(long, value_name = "NS", default_value_t = 0.1)]
     full_scale: f64,
     /// Transfer path: a JSON file with "modes", each of frequency_hz, damping_ratio and amplitude; a placeholder if left out

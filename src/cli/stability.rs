@@ -25,7 +25,7 @@ pub struct Arguments {
     /// +sqrt=SIGMA, +poly=SIGMA for a smoothed flank
     #[arg(long, value_name = "M1,M2,…", value_delimiter = ',', num_args = 1.., default_value = "rk4,newmark")]
     methods: Vec<String>,
-    /// What of every contact is multiplied
+    /// Quantity of every contact that is multiplied
     #[arg(long, value_enum, default_value = "stiffness")]
     over: Over,
     /// Factors: FROM:TO:COUNT[:log] or V1,V2,…; 1 is always among them
@@ -34,7 +34,7 @@ pub struct Arguments {
     /// Steps a cycle: FROM:TO:COUNT[:log], made odd, so that no change of stiffness falls on a step by chance; or V1,V2,…
     #[arg(long, value_name = "AXIS", default_value = "5:10000:15:log")]
     steps: String,
-    /// Cycles of a run, at most
+    /// Most cycles of a run
     #[arg(long, value_name = "N", default_value_t = Rule::default().cycles, value_parser = clap::value_parser!(u64).range(10..=100_000))]
     cycles: u64,
     /// Folder of report.html, stability.json, stability.csv and the figure
@@ -64,9 +64,9 @@ enum Over {
     Backlash,
 }
 
-/// Steps that people use: a thousand a cycle, and these, s.
+/// Steps in common use: a thousand per cycle, and these, s.
 const USED: [(f64, &str); 2] = [(1e-5, "1e-5 s"), (1e-6, "1e-6 s")];
-/// Methods that a map can be made of.
+/// Methods of which a map can be made.
 const FIXED: [&str; 6] = ["rk4", "newmark", "hht", "generalized-alpha", "euler", "verlet"];
 /// Most cells of a map.
 const MOST: usize = 100_000;
@@ -76,7 +76,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     let plan = plan(arguments, &simulation, Map::cycle_length(&simulation)?)?;
-    // Before the work: a folder in use is told at once. It is opened after it: a map broken off leaves nothing behind.
+    // Before the work: a folder in use is reported at once. It is opened after the work: an interrupted map leaves no files.
     let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
     let request = request(out, "stability", scene, arguments.force, Map::files(plan.over))?;
     let cells = plan.factors.len() * plan.steps.len() + plan.references.len();
@@ -97,7 +97,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     Ok(if judged { Done::Completely } else { Done::Partly })
 }
 
-/// What the arguments ask for; every fault at once.
+/// Reads the plan from the arguments; an error lists every fault.
 fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<Plan, CliError> {
     let mut faults = Vec::new();
     let over = match arguments.over {
@@ -119,7 +119,7 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
         match Contender::parse(word) {
             Ok(method) if matches!(method.kind, Kind::Fixed(_)) => methods.push(method),
             Ok(_) => faults.push(method(format!("{word}, which chooses its own steps"))),
-            // What is wrong with a known one; the others are not to be had here.
+            // Fault of a known method; the others are not available here.
             Err(error) if known(word) => faults.push(method(error.to_string())),
             Err(_) => faults.push(method(format!("{word:?}, which is none"))),
         }
@@ -131,7 +131,7 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
         if !range && value.fract() != 0.0 {
             faults.push(Fault::new("--steps", value.to_string(), "whole numbers of steps"));
         }
-        // OK to convert: at most 10⁷.
+        // Exact: at most 10⁷.
         let whole = value.round() as u64;
         steps.push(if range { whole | 1 } else { whole });
     }
@@ -139,7 +139,7 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
     steps.dedup();
     factors.push(1.0);
     factors.sort_by(f64::total_cmp);
-    // 1 itself, not its neighbour by rounding.
+    // 1 itself, not a neighbour by rounding.
     factors.retain(|factor| *factor == 1.0 || (factor - 1.0).abs() > 1e-9);
     factors.dedup();
     let cells = factors.len() * steps.len() * methods.len();
@@ -151,7 +151,7 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
     }
     let most = steps.last().copied().unwrap_or(0);
     let used = USED.iter().filter(|_| !simulation.dimensionless).map(|(step, name)| {
-        // OK to convert: anything larger than the map is left out.
+        // Exact: steps beyond the map are left out.
         Reference { name: (*name).to_owned(), steps_per_cycle: (period / step).ceil() as u64 }
     });
     let thousand = Reference { name: "1000 steps".to_owned(), steps_per_cycle: 1000 };
@@ -161,7 +161,7 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
     Ok(Plan { over, factors, steps, methods, references, rule })
 }
 
-/// The values of an axis, all of them in a range.
+/// Returns the values of an axis, all of them in a range.
 fn values(name: &str, text: &str, (low, high): (f64, f64), faults: &mut Vec<Fault>) -> Vec<f64> {
     let Some(axis) = axis(name, text, faults) else { return Vec::new() };
     if axis.count() > MOST {
@@ -169,7 +169,7 @@ fn values(name: &str, text: &str, (low, high): (f64, f64), faults: &mut Vec<Faul
         faults.push(Fault::new(&format!("--{name}"), found, format!("at most {MOST}")));
         return Vec::new();
     }
-    // Of a range its ends tell of all.
+    // The ends of a range bound all its values.
     let ends = if text.contains(':') { vec![axis.value(0), axis.value(axis.count() - 1)] } else { axis.all() };
     let outside = ends.iter().filter(|value| !(low..=high).contains(*value));
     faults.extend(outside.map(|value| Fault::new(&format!("--{name}"), value.to_string(), format!("{low} to {high}"))));

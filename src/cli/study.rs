@@ -67,12 +67,12 @@ fn kind(word: &str) -> Result<Kind, String> {
 const TABLE: &str = "table.csv";
 const SUMMARY: &str = "study.json";
 
-/// The table behind a figure.
+/// Returns the file name of the table of a figure.
 fn table(kind: Kind) -> String {
     format!("figures/{}-table.csv", kind.id())
 }
 
-/// `study.json`: where everything came from, and the table.
+/// Content of `study.json`: the origin of all results, and the table.
 #[derive(Serialize)]
 struct Summary<'a> {
     flank: &'static str,
@@ -106,7 +106,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let made = counted(runs, 0, "runs", arguments.quiet, |task| {
         let make = |kind: &Kind| {
             let made = plan.make(*kind, &Context { rule, task });
-            // Written as soon as it is there: what comes after it may be interrupted.
+            // Written as soon as it is made: later plots may be interrupted.
             if let Ok(entry) = &made {
                 let mut folder = folder.lock().unwrap_or_else(PoisonError::into_inner);
                 entry.figure.iter().try_for_each(|figure| figure.write(&mut folder, &form))?;
@@ -122,7 +122,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     for (kind, made) in made {
         match made {
             Ok(entry) => contents.entries.push((kind, entry)),
-            // A train without what a figure shows is no failure, unless that figure was asked for by name.
+            // A train without data for a figure is no failure, unless that figure was requested by name.
             Err(StudyError::Simulation(SimulationError::Missing { missing, .. })) if arguments.only.is_empty() => {
                 contents.missing.push((kind, missing))
             }
@@ -131,7 +131,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             }
             Err(error @ StudyError::File(_)) => return Err(error.into()),
             Err(StudyError::Interrupted) => interrupted = true,
-            // One figure that fails does not take the others with it.
+            // A figure that fails does not prevent the others.
             Err(error) => {
                 failed = true;
                 contents.missing.push((kind, error.to_string()));
@@ -195,7 +195,7 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
     }
 }
 
-/// The study in the file at `path`, whose text is `text`.
+/// Reads the study in the file at `path`, whose text is `text`.
 pub(super) fn read_study(path: &Path, text: &str) -> Result<Plan, StudyError> {
     Plan::read(text, &|name| {
         let file = path.with_file_name(name);
@@ -203,7 +203,7 @@ pub(super) fn read_study(path: &Path, text: &str) -> Result<Plan, StudyError> {
     })
 }
 
-/// The text of a study file; none if the file is a scene.
+/// Returns the text of a study file; none if the file is a scene.
 fn study_file(path: &Path) -> Option<String> {
     let text = read_text(path).ok().filter(|text| text.contains("\"flank_study\""))?;
     let is_study = |file: &serde_json::Value| file.get("flank_study").is_some();

@@ -32,7 +32,7 @@ pub struct Arguments {
     /// POINTER=V1,V2,…; once or twice, the last one runs fastest
     #[arg(long, value_name = "AXIS", required = true)]
     vary: Vec<String>,
-    /// Where a point starts: as the scene says, or from the end of its neighbour along the last axis
+    /// Start of a point: as the scene says, or the end of its neighbour along the last axis
     #[arg(long, value_enum, default_value = "fresh")]
     seed: Seeding,
     /// Folder of sweep.csv, sweep.jsonl, sweep.json and the figure
@@ -48,10 +48,10 @@ pub struct Arguments {
     /// Measures of contacts in sweep.csv, by their names without unit; the usual ones if left out
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     columns: Vec<String>,
-    /// Relative distance between the ends of an orbit that counts [default: 1e-9]
+    /// Largest relative distance between the ends of an orbit [default: 1e-9]
     #[arg(long, value_name = "REL", value_parser = tolerance)]
     tolerance: Option<f64>,
-    /// Cycles after which no orbit is looked for any more [default: 400]
+    /// Most cycles of the search for an orbit [default: 400]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     max_cycles: Option<u64>,
     /// Cycles measured [default: 4 of a periodic motion, 200 of any other; always whole periods]
@@ -59,13 +59,13 @@ pub struct Arguments {
     measure_cycles: Option<u64>,
 }
 
-/// Below rounding nothing settles; above a tenth everything does.
+/// Reads a tolerance: below rounding no motion settles; above a tenth every motion does.
 fn tolerance(word: &str) -> Result<f64, String> {
     let value = word.parse().ok().filter(|value| (1e-13..=0.1).contains(value));
     value.ok_or_else(|| "a number from 1e-13 to 0.1 is wanted".to_owned())
 }
 
-/// A sweep, and the form of its figure.
+/// Sweep, and the form of its figure.
 struct Swept {
     sweep: SteadySweep,
     name: String,

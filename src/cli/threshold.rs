@@ -19,7 +19,7 @@ use super::{
     read_scene,
 };
 
-/// Loads that are tried at most without a range, in loads of the scene.
+/// Largest load tried without a range, in loads of the scene.
 const MOST: f64 = 512.0;
 
 /// Arguments of `flank threshold`.
@@ -27,11 +27,11 @@ const MOST: f64 = 512.0;
 pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
-    /// The number to vary, by JSON pointer, to its end with contact kept, where the search begins; from a thousandth of the load of the
-    /// scene to eight times it, or more, if left out
+    /// Number to vary, by JSON pointer, to its end with contact kept, where the search begins; from a thousandth of the load of the scene
+    /// to eight times it, or more, if left out
     #[arg(long, value_name = "POINTER=FROM:TO")]
     vary: Option<String>,
-    /// The event
+    /// Event that counts as loss of contact
     #[arg(long, value_enum, default_value = "deflection")]
     by: Loss,
     /// Print the same as JSON
@@ -88,7 +88,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     Ok(Done::Completely)
 }
 
-/// The number and its range: the end without loss of contact last.
+/// Returns the number and its range: the end without loss of contact last.
 fn range(arguments: &Arguments, scene: &Scene) -> Result<(String, [f64; 2]), Vec<Fault>> {
     let Some(text) = &arguments.vary else {
         return load_of(scene).map(|(pointer, load)| (pointer, [1e-3 * load, 8.0 * load])).ok_or_else(|| {

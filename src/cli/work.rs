@@ -1,4 +1,4 @@
-//! Long work over many points: kept as it is done, divided into parts, and merged.
+//! Long work over many points: stored as it is done, divided into parts, and merged.
 
 use std::{
     fs,
@@ -24,25 +24,25 @@ use super::{
 /// File in which a part describes itself, for `flank merge`.
 const PART: &str = "part.json";
 
-/// Long work, kept as it is done.
+/// Long work, stored as it is done.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct Work {
-    /// Go on with what was broken off
+    /// Resume an interrupted command
     #[arg(long, conflicts_with = "force")]
     resume: bool,
     /// Write into a folder that is not empty
     #[arg(long)]
     force: bool,
-    /// Do part I of N only, counted from 0; flank merge takes the folders of all parts together
+    /// Do part I of N only, counted from 0; flank merge joins the folders of all parts
     #[arg(long, value_name = "I/N", help_heading = "Parts")]
     part: Option<Share>,
-    /// Print the number of points and the time that they take about
+    /// Print the number of points and the approximate time that they take
     #[arg(long, help_heading = "Parts")]
     count: bool,
     /// Print the command lines of N parts, and do nothing
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=Share::MOST as u64), help_heading = "Parts")]
     plan: Option<u64>,
-    /// Vector instructions of all parts, which this machine must have: those that --plan names
+    /// Vector instructions of all parts, which this machine must have: those that --plan prints
     #[arg(long, value_name = "NAME", value_parser = instructions, help_heading = "Parts")]
     instructions: Option<Instructions>,
     /// End after this many seconds, at a finished point; exit code 75
@@ -67,18 +67,18 @@ fn instructions(name: &str) -> Result<Instructions, String> {
 }
 
 impl Work {
-    /// Reads its scene, for the instructions that it is to use.
+    /// Reads its scene, with the requested instructions.
     pub fn scene(&self, path: Option<&Path>) -> Result<Scene, CliError> {
         self.instructions.into_iter().for_each(Instructions::choose);
         read_scene(path)
     }
 
-    /// Work of its own, which prints unless it is to be `quiet`.
+    /// Returns work without arguments, which prints unless it is to be `quiet`.
     pub fn silent(quiet: bool) -> Self {
         Self { quiet, ..Self::default() }
     }
 
-    /// The way that it begins.
+    /// Returns the way in which it begins.
     pub fn begin(&self) -> Begin {
         match (self.resume, self.force) {
             (true, _) => Begin::Resume,
@@ -87,43 +87,43 @@ impl Work {
         }
     }
 
-    /// Its share of the work.
+    /// Returns its share of the work.
     fn share(&self) -> Share {
         self.part.unwrap_or(Share::ALL)
     }
 
-    /// Prints, unless that is not wanted.
+    /// Prints, unless the work is quiet.
     pub fn say(&self, text: &str) -> Result<(), CliError> {
         if self.quiet { Ok(()) } else { print(text) }
     }
 }
 
-/// A command of many points.
+/// Command of many points.
 pub trait Points: Sized + Sync {
-    /// Its name.
+    /// Name of the command.
     const COMMAND: &'static str;
-    /// Its points, in words.
+    /// Name of its points, in words.
     const THINGS: &'static str;
-    /// Its rows while they are kept.
+    /// Its rows while they are stored.
     type Rows: Send;
 
-    /// The files that it keeps.
+    /// Returns the files that it stores.
     fn kept() -> Kept;
-    /// Number of its rows, and of the chains that they are divided by.
+    /// Returns the number of its rows, and of the chains by which they are divided.
     fn rows(&self) -> [usize; 2];
     /// Opens the rows of a share in a folder.
     fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Self::Rows>, SweepError>;
-    /// The rows of parts as those of all.
+    /// Returns the merged rows of parts.
     fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Self::Rows, SweepError>;
-    /// Its records.
+    /// Returns its records.
     fn records(rows: &mut Self::Rows) -> &mut Records;
-    /// Computes what is missing.
+    /// Computes the missing rows.
     fn run(&self, rows: &mut Self::Rows, work: &Work, task: flank::Task<'_>) -> Result<Ending, CliError>;
-    /// Writes the final files, and says what came of it.
+    /// Writes the final files, and returns the end of the command.
     fn finish(&self, rows: Self::Rows, work: &Work, out: &Path) -> Result<Done, CliError>;
 }
 
-/// Does the work of a command, or a share of it, as `asked` of the scene.
+/// Does the work of a command, or a share of it, by the arguments `asked`.
 pub fn execute<P: Points>(
     points: &P,
     (scene, asked): (&Scene, &Value),
@@ -200,7 +200,7 @@ pub fn execute<P: Points>(
 const TRIED: usize = 64;
 const TRIAL: f64 = 2.0;
 
-/// The time that all rows take, in words, from those that are done in a moment.
+/// Returns the time that all rows take, in words, from those that are done in a moment.
 fn duration<P: Points>(points: &P, work: &Work) -> Result<String, CliError> {
     let [rows, chains] = points.rows();
     let folder = std::env::temp_dir().join(format!("flank-count-{}", std::process::id()));
@@ -252,7 +252,7 @@ fn plan(chains: usize, of: usize, out: &Path) -> Result<Done, CliError> {
     Ok(Done::Completely)
 }
 
-/// A word as a shell reads it back.
+/// Returns a word quoted for a shell.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -283,7 +283,7 @@ fn describe<P: Points>(folder: &mut Folder, (scene, asked): (&Scene, &Value), sh
     folder.complete(PART, &part)
 }
 
-/// Reads what the parts in some folders say of themselves; they must say the same, their numbers apart.
+/// Reads the descriptions of the parts in some folders, which must agree except for their numbers.
 pub fn parts(folders: &[PathBuf]) -> Result<Part, CliError> {
     let mut faults = Vec::new();
     let mut first: Option<Part> = None;
@@ -310,7 +310,7 @@ pub fn parts(folders: &[PathBuf]) -> Result<Part, CliError> {
     }
 }
 
-/// Reads the arguments of a command that a part was asked for.
+/// Reads the arguments of the command of a part.
 pub fn read<T: for<'de> Deserialize<'de>>(asked: Value) -> Result<T, CliError> {
     serde_json::from_value(asked).map_err(|error| {
         let fault = Fault::new(PART, error.to_string(), "the arguments of a part");
@@ -318,7 +318,7 @@ pub fn read<T: for<'de> Deserialize<'de>>(asked: Value) -> Result<T, CliError> {
     })
 }
 
-/// Folders of parts, and what to make of them.
+/// Folders of parts, and the output of their merge.
 pub struct Merge<'a> {
     pub folders: &'a [PathBuf],
     pub of: usize,
@@ -328,7 +328,7 @@ pub struct Merge<'a> {
     pub work: &'a Work,
 }
 
-/// Takes parts together: the files of an undivided run.
+/// Merges parts: writes the files of an undivided run.
 pub fn merge<P: Points>(points: &P, merge: &Merge<'_>) -> Result<Done, CliError> {
     let Merge { folders, out, work, .. } = merge;
     let begin = if merge.force { Begin::Replace } else { Begin::New };
@@ -342,7 +342,7 @@ pub fn merge<P: Points>(points: &P, merge: &Merge<'_>) -> Result<Done, CliError>
     points.finish(rows, work, out)
 }
 
-/// The name of a scene without folder and ending.
+/// Returns the name of a scene without folder and ending.
 pub fn stem(name: &str) -> String {
     Path::new(name).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }

@@ -13,21 +13,21 @@ use crate::{
     integrate::{Arc, Before, Integrator},
 };
 
-/// Motions that are kept: some kilobytes each, and more modes than most trains come back to.
+/// Maximum number of motions kept: some kilobytes each, and more modes than most trains revisit.
 const MAX_MOTIONS: usize = 1024;
 
-/// Arcs in a row that take no time, at most: more than an instant has jumps.
+/// Maximum number of consecutive arcs of zero duration: more than an instant has jumps.
 const MAX_STILL: u32 = 10_000;
 
-/// A mode that was met.
+/// Record of a mode that the run has visited.
 #[derive(Default)]
 struct Met<'s> {
     known: Option<Known<'s>>,
-    /// Arcs of the run in it: a count of the run, whatever is kept of the motions.
+    /// Number of arcs of the run in the mode, counted even after its motion is dropped.
     arcs: u64,
 }
 
-/// Its motion, and whether that may tell its way at once.
+/// Motion of a mode, and the flag that permits leaps in it.
 struct Known<'s> {
     motion: Option<Box<dyn JetField + 's>>,
     leaps: bool,
@@ -37,11 +37,11 @@ struct Known<'s> {
 pub struct Engine<'s> {
     integrator: Box<dyn Integrator + 's>,
     point: Point,
-    /// The modes met, and of how many the motion is kept.
+    /// Modes visited; `kept` is the number of those whose motion is kept.
     motions: BTreeMap<Mode, Met<'s>>,
     kept: usize,
     leaps: Leaps,
-    /// The way of what nobody looks at.
+    /// Lane for motions that no observer watches, if the system has one.
     lane: Option<Box<dyn Lane + 's>>,
     /// Scratch for the state at the end of an arc, and for its low part.
     end: [Vec<f64>; 2],
@@ -49,7 +49,7 @@ pub struct Engine<'s> {
 }
 
 impl<'s> Engine<'s> {
-    /// An engine at `state`.
+    /// Returns an engine at `state`.
     #[must_use]
     pub fn new(
         system: &'s dyn HybridSystem,
@@ -63,10 +63,10 @@ impl<'s> Engine<'s> {
         Self { integrator, point, motions: BTreeMap::new(), kept: 0, leaps: Leaps::default(), lane, end, core }
     }
 
-    /// Begins another run at `state`, with an `integrator` that has seen none: as a new engine, but for the motions that were met.
+    /// Begins another run at `state` with a fresh `integrator`: as a new engine, but periodic systems keep the motions of visited modes.
     pub fn restart(&mut self, integrator: Box<dyn Integrator + 's>, state: State) {
         if self.core.system.clock().period().is_none() {
-            // Without a period the first arc of a mode has a part in which integrator suits it.
+            // Without a period, the length of a mode's first arc takes part in the choice of its integrator.
             self.motions.clear();
             self.kept = 0;
         }
@@ -76,19 +76,19 @@ impl<'s> Engine<'s> {
         self.point = Point::new(state);
     }
 
-    /// Where the run stands.
+    /// Returns the current state of the run.
     #[must_use]
     pub fn state(&self) -> &State {
         &self.point.state
     }
 
-    /// The integrator, which may tell what it chose.
+    /// Returns the integrator, which may report the method that it chose.
     #[must_use]
     pub fn integrator(&self) -> &(dyn Integrator + 's) {
         &*self.integrator
     }
 
-    /// Work done so far.
+    /// Returns the counts of the work done so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
         Counters { splits: self.core.locator.splits, ..self.core.counters }
@@ -97,7 +97,7 @@ impl<'s> Engine<'s> {
     /// Advances to `end`. Events at `end` belong to the run.
     ///
     /// # Errors
-    /// [`EngineError`]; the state is then where the last arc started.
+    /// [`EngineError`]; the state is then that at the start of the last arc.
     pub fn run(&mut self, end: Instant, observer: &mut dyn Observer) -> Result<Outcome, EngineError> {
         let clock = *self.core.system.clock();
         let span = clock.between(self.state().at, end);
@@ -141,13 +141,13 @@ impl<'s> Engine<'s> {
                 End::Resume(until) => self.point = self.core.resume(until).unwrap_or_else(|| self.point.clone()),
                 End::Stop(outcome) => return Ok(outcome),
             }
-            // An arc too short for a step says nothing against a sum.
+            // An arc too short for a step does not refute a sum.
             if let Some(outcome) = self.core.confirm(&self.point.state, observer) {
                 return Ok(outcome);
             }
         }
         self.core.alarm.finish(self.core.system, self.point.state.at, &self.point.state.x)?;
-        // An instant exactly at the end is still open. It belongs to this run, and so does what follows from it at once.
+        // An instant exactly at the end is still open. The instant and all its jumps belong to this run.
         while self.core.iteration.is_open() && span > 0.0 {
             match self.arc(clock.advance(self.state().at, span), Arrival::Record, observer)? {
                 End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
@@ -159,7 +159,7 @@ impl<'s> Engine<'s> {
         Ok(self.core.close(&self.point.state, observer).unwrap_or(Outcome::ReachedEnd))
     }
 
-    /// One smooth arc up to `bound`; leaves the state where it ended, in the mode it ran in.
+    /// Integrates one smooth arc up to `bound`; leaves the state at the end of the arc, in the mode of the arc.
     fn arc(&mut self, bound: Instant, arrival: Arrival, observer: &mut dyn Observer) -> Result<End, EngineError> {
         let Self { integrator, point, motions, kept, leaps, end: [end, end_low], core, .. } = self;
         let mode = &point.state.jump.mode;
@@ -191,7 +191,7 @@ impl<'s> Engine<'s> {
         let Point { state, low, carried } = point;
         let mode = &state.jump.mode;
         core.counters.arcs += u64::from(before.steps == 0 && !core.is_again);
-        // Stands if the arc ends before its first step.
+        // Valid if the arc ends before its first step.
         core.left.carried.clone_from(carried);
         let arc = Arc {
             mode,
@@ -207,7 +207,7 @@ impl<'s> Engine<'s> {
             before,
         };
         let place = Place { state, bound, arrival };
-        // Where leaps have led here, they began the arc.
+        // If leaps precede these steps, the leaps began the arc.
         let (mut ended, mut first) = (Ok(None), before.steps == 0);
         integrator
             .integrate_arc(core.system, &arc, end, end_low, &mut |step| {
@@ -221,7 +221,7 @@ impl<'s> Engine<'s> {
             std::mem::swap(&mut left.state.x, end);
             std::mem::swap(&mut left.low, end_low);
         }
-        // Where no time has passed the exact zeros still stand: through a cascade, and for a run that goes on later.
+        // If no time has passed, the exact zeros remain valid: within a cascade, and for a run that is continued later.
         if left.state.at != state.at {
             state.jump.pinned = GuardSet::default();
             state.jump.still = GuardSet::default();

@@ -19,42 +19,42 @@ use crate::{
     poly,
 };
 
-/// Times the bound that two values of one row may differ: each is off by it, and both have gathered rounding over the steps of an arc.
+/// Factor on the bound by which two values of one row may differ: each is off by the bound, and both gather rounding over an arc.
 const APART: f64 = 10.0;
 /// Rounding of a polynomial relative to the sum of its terms: twice the unit roundoff for each of 25 terms, and the conversion.
 const TERMS: f64 = 1e-14;
-/// Times the bound that a state may be moved onto a flank. The flank's distance is a difference of displacements that have gathered
-/// rounding over many arcs since they were last put on it.
+/// Factor on the bound by which a state may be moved onto a flank. The distance to the flank is a difference of displacements. These have
+/// gathered rounding over many arcs since they were last moved onto it.
 const MOVED: f64 = 10.0;
-/// Times the rounding of one value that they may have gathered.
+/// Factor on the rounding of one value that both values may have gathered.
 const GATHERED: f64 = 2.0;
 
-/// Off where the old step rule is restored, so that the verification is tested and not the alarms.
+/// Returns whether the alarms are on. They are off under the old step rule, so that a test covers the verification and not the alarms.
 fn on() -> bool {
     !crate::old_steps()
 }
 
-/// What is known of a guard.
+/// Largest rounding and kind of one guard.
 #[derive(Clone, Copy, Debug)]
 struct Met {
-    /// Its largest rounding so far, in its units; below zero if it was not met.
+    /// Largest rounding so far, in units of the guard; below zero before the first value.
     rounding: f64,
-    /// It cannot jump.
+    /// True if no jump changes the value of the guard.
     is_continuous: bool,
 }
 
-/// What is remembered from step to step.
+/// Values kept from step to step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Alarm {
-    /// All guards up to the last one that was met, by their numbers.
+    /// All guards up to the highest number seen, indexed by number.
     met: Vec<Met>,
-    /// Values and errors at the end of the last step of the arc.
+    /// Guard, value and error of each row at the end of the last step of the arc.
     ends: Vec<(GuardId, f64, f64)>,
     /// The mode of that step.
     mode: Mode,
-    /// How far beyond its guard an event that waits for a switch takes the state, in the guard's units.
+    /// Depth below zero of the guard of an event that waits for a switch, in units of the guard.
     waited: f64,
-    /// How far the state may be moved at the event at hand, in the guards' units.
+    /// Largest permitted move of the state at the current event, in units of the guards.
     move_limit: f64,
 }
 
@@ -69,18 +69,18 @@ fn raise(
     EngineError::Alarm { t: system.clock().time(at).value(), guard: system.guard_in_words(id), what, amount, limit }
 }
 
-/// The limit that `amount` is above, if any: the part of it that takes work is `added` only where `bound` does not say enough.
+/// Returns the limit if `amount` is above it. The expensive part `added` is computed only where `bound` does not decide.
 fn exceeded(amount: f64, bound: f64, added: impl FnOnce(f64) -> f64) -> Option<f64> {
     (amount > APART * bound).then(|| APART * added(bound)).filter(|limit| amount > *limit)
 }
 
 impl Alarm {
-    /// A jump makes another motion: nothing carries over from the last step.
+    /// Forgets the last step: a jump starts another motion.
     pub fn jumped(&mut self) {
         self.ends.clear();
     }
 
-    /// The motion has gone on unwatched: no event waits for a switch.
+    /// Forgets the last step and the waiting event: the motion has gone on unobserved.
     pub fn go_past(&mut self) {
         self.ends.clear();
         self.waited = 0.0;
@@ -101,7 +101,7 @@ impl Alarm {
         Ok(())
     }
 
-    /// As [`start`](Self::start), of a leap; `gathered` is the rounding that a guard has gathered in the last leap of the arc.
+    /// Tests the start of a leap as [`start`](Self::start) does; `gathered` is the rounding of a guard from the last leap of the arc.
     pub fn start_leap(
         &mut self,
         system: &dyn HybridSystem,
@@ -128,7 +128,7 @@ impl Alarm {
         }
     }
 
-    /// A guard has so much `rounding` at the start of a step.
+    /// Records the `rounding` of a guard at the start of a step.
     #[inline]
     fn meet(&mut self, system: &dyn HybridSystem, guard: GuardId, rounding: f64) {
         let slot = usize::from(guard.0);
@@ -142,18 +142,18 @@ impl Alarm {
         }
     }
 
-    /// The largest rounding of a guard of position; without one there is no scale to measure a displacement by.
+    /// Returns the largest rounding of a guard of position, the scale of displacements; `None` if there is no such guard.
     fn length(&self) -> Option<f64> {
         let of_position = self.met.iter().filter(|met| met.is_continuous && met.rounding >= 0.0);
         of_position.map(|met| met.rounding).reduce(f64::max)
     }
 
-    /// Largest rounding of a guard that was met, in its units.
+    /// Returns the largest rounding of a recorded guard, in its units.
     fn largest_rounding(&self, guard: GuardId) -> f64 {
         self.met[usize::from(guard.0)].rounding
     }
 
-    /// Tests one guard at the start of a step, of its place among the guards and its value; `added` is what takes work to know of its error.
+    /// Tests one guard, given by its row, id and value, at the start of a step; `added` is the expensive part of its error.
     fn start_of(
         &self,
         system: &dyn HybridSystem,
@@ -166,7 +166,7 @@ impl Alarm {
         if first && !is_continuous {
             return Ok(());
         }
-        // Most often the guards are those of the last step.
+        // The guards are usually those of the last step.
         let same = self.ends.get(i).filter(|end| end.0 == guard);
         let Some((_, end, error)) = same.or_else(|| self.ends.iter().find(|end| end.0 == guard)) else { return Ok(()) };
         let amount = (value - end).abs();
@@ -174,7 +174,7 @@ impl Alarm {
         Err(raise(system, at, guard, "the end of a step differs from the start of the next", amount, limit))
     }
 
-    /// Remembers the end of a leap that goes on.
+    /// Records the end of a leap after which the arc goes on.
     pub fn end_leap(&mut self, mode: &Mode, leap: &Leap) {
         self.mode = mode.clone();
         for Known { guard, value, error, terms, .. } in leap.ends.iter().copied() {
@@ -183,12 +183,12 @@ impl Alarm {
         }
     }
 
-    /// Remembers the rounding that each guard has gathered there.
+    /// Adds the gathered rounding of each guard to its error at the end of the last leap.
     pub fn gather(&mut self, gathered: impl Fn(GuardId) -> f64) {
         self.ends.iter_mut().for_each(|(guard, _, error)| *error += gathered(*guard));
     }
 
-    /// Tests the event that a leap ends at against the state there.
+    /// Tests the event at the end of a leap against the state there.
     pub fn event_leap(
         &mut self,
         system: &dyn HybridSystem,
@@ -222,7 +222,7 @@ impl Alarm {
         Ok(())
     }
 
-    /// Remembers that an event so near a switch that time cannot tell them apart waits for it, at the end of `step`.
+    /// Records that an event waits for a switch at the end of `step`: the uncertainty of its time covers the switch.
     pub fn wait(&mut self, step: &dyn DenseStep, located: &Located) {
         let beyond = |(i, guard): (usize, &GuardId)| {
             if located.fired.contains(*guard) { -step.guard(i).iter().sum::<f64>() } else { 0.0 }
@@ -230,7 +230,7 @@ impl Alarm {
         self.waited = step.guards().iter().enumerate().map(beyond).fold(0.0, f64::max);
     }
 
-    /// Remembers the end of a step that goes on; `closes` the run, so that the state there is tested next and not another step.
+    /// Records the end of a step without an event. With `closes` it is the last of the run, and the state is tested next.
     pub fn end(&mut self, mode: &Mode, step: &dyn DenseStep, closes: bool) {
         self.mode = mode.clone();
         if step.is_estimate() {
@@ -277,7 +277,7 @@ impl Alarm {
         let mut compare = |i: usize, value: f64| {
             let (id, row) = (step.guards()[i], step.guard(i));
             let amount = (poly::eval(row, located.theta) - value).abs();
-            // The state's own rounding: a flank may be far from where the step started.
+            // The rounding of the state itself: a flank may be far from the start of the step.
             let added = |bound| bound + step.gathered(i, located.theta, 0) + TERMS * poly::terms(row, located.theta);
             let bound = step.guard_error(i).0 + self.largest_rounding(id);
             if let Some(limit) = exceeded(amount, bound, added)
@@ -292,7 +292,7 @@ impl Alarm {
         agreed
     }
 
-    /// Tests how far a jump at `at` moved the state onto the flanks of `fired`.
+    /// Tests the displacement by which a jump at `at` moved the state onto the flanks of `fired`.
     pub fn moved(
         &self,
         system: &dyn HybridSystem,

@@ -10,8 +10,8 @@
 //! (both orders of ε from the flight equation: the k-th flight is `(2u_k/A_k)(1 + 2ε_k/3)`, with
 //! `u_{k+1} = e u_k (1 − 2ε_k/3)` and `A_{k+1} = A_k (1 − 2ε_k)`).
 //!
-//! Where several contacts have a part in a sequence its rebounds shrink by another factor r. It ends after `Δt r/(1 − r)`, Δt the last
-//! interval, and the contacts whose impacts alternate with its own end with it.
+//! Where several contacts take part in a sequence, its rebounds shrink by another factor r. The sequence ends after `Δt r/(1 − r)`, with Δt
+//! the last interval. Contacts whose impacts alternate with it end at the same time.
 
 use super::Options;
 use crate::{
@@ -19,32 +19,32 @@ use crate::{
     hybrid::{GuardId, GuardSet, HybridSystem, Instant},
 };
 
-/// Impacts of one guard in a row.
+/// Sequence of impacts of one guard.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sequence {
     guard: u16,
     impacts: u32,
-    /// Of these the last in which no other contact had a part.
+    /// Number of the latest impacts in a row without the influence of another contact.
     own: u32,
     fastest: f64,
     last: f64,
-    /// When the last was, and how long after the one before, s.
+    /// Instant of the last impact; `interval` is the time since the impact before it, s.
     at: Instant,
     interval: f64,
-    /// The last rebound speed over the one before, and that one over the one before it.
+    /// Ratio of the last rebound speed to the one before, and the ratio before that.
     ratios: [f64; 2],
 }
 
-/// How the motion goes on after impacts.
+/// Motion after impacts.
 pub(super) struct Flight<'a> {
     pub start: Instant,
-    /// The guards that are watched.
+    /// Guards watched.
     pub guards: &'a [GuardId],
-    /// The first three derivatives in time of one of them at the start, where they are known.
+    /// First three time derivatives of guard `i` at the start, if known.
     pub derivatives: &'a dyn Fn(usize) -> Option<[f64; 3]>,
-    /// Rounding of its value, formed from the state alone.
+    /// Rounding of the value of guard `i`, formed from the state alone.
     pub rounding: &'a dyn Fn(usize) -> f64,
-    /// All that is an estimate.
+    /// True if these numbers are estimates.
     pub is_estimate: bool,
 }
 
@@ -52,7 +52,7 @@ pub(super) struct Flight<'a> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Chatter {
     sequences: Vec<Sequence>,
-    /// No sequence is summed before this instant: something else happens up to there.
+    /// Instant before which no sequence is summed, because another event comes first.
     blocked: Option<Instant>,
 }
 
@@ -60,13 +60,13 @@ pub(super) struct Chatter {
 const SMALL: f64 = 1e-8;
 /// Largest share of a rebound that other contacts may have. The time summed is about 1e-10 of the first flight: 1e-13 is uncertain.
 const OTHERS: f64 = 1e-3;
-/// A sequence in which several contacts have a part is summed with the factor by which its rebounds shrink, if that is steady to this
-/// share, where its flights are no higher than the rounding of the gap.
+/// Largest relative change of the rebound ratio at which a sequence with several contacts is summed. It applies where flights are no higher
+/// than the rounding of the gap.
 const STEADY: f64 = 1e-5;
-/// Where flights are that low and rebounds shrink no more than this, rounding keeps them up: the sequence is over. A rebound that grows by
-/// more than its inverse begins another sequence.
+/// Rebound ratio from which on a sequence is over if its flights are that low: only rounding keeps it up. A rebound that grows by more than
+/// the inverse begins another sequence.
 pub(crate) const STALLED: f64 = 0.99;
-/// Impacts that must have shrunk in a row before a sequence counts as one.
+/// Number of shrinking impacts in a row before a sequence counts as one.
 const IN_A_ROW: u32 = 3;
 
 impl Chatter {
@@ -74,12 +74,12 @@ impl Chatter {
         self.sequences.clear();
     }
 
-    /// Lets impacts go on one by one up to `until`.
+    /// Prevents summation up to `until`: impacts go on one by one.
     pub fn block(&mut self, until: Instant) {
         self.blocked = Some(until);
     }
 
-    /// Called with the flight after the impacts `fired`: which of them end here, and when.
+    /// Returns the guards whose impact sequences end after the impacts `fired`, with the time and the error of their sum.
     ///
     /// A sequence ends when the rebound speed has fallen far enough and ε is small.
     pub fn ends(
@@ -100,17 +100,17 @@ impl Chatter {
             let Some([u, falling, j]) = (flight.derivatives)(i) else { continue };
             let a = -falling;
             let epsilon = j * u / (a * a);
-            // On estimated steps a rebound is not known well enough to test this.
+            // On estimated steps the rebound speed is too inaccurate for this test.
             let others = if flight.is_estimate { f64::INFINITY } else { OTHERS * e };
             let now = flight.start;
             let since = |before| system.clock().between(before, now);
             let sequence = self.record(*guard, (now, since), u, e, others);
-            // Above the speed from which on e is constant the next rebounds are not known from the last ones.
+            // Above the speed from which e is constant, the last rebounds do not predict the next ones.
             let is_last = u <= options.chatter_fraction * sequence.fastest && u < system.steady_speed(*guard);
             // The height of a flight is `u²/2A`.
             let is_flat = u * u <= 2.0 * a.abs() * (flight.rounding)(i);
             let [ratio, before] = sequence.ratios;
-            // Time to the end, and its uncertainty: by how much the last factor differs from the one that is summed.
+            // Remaining time and its uncertainty, from the difference of the last ratio and the ratio that is summed.
             let sum = if sequence.own >= IN_A_ROW {
                 let is_slow = is_last || u <= options.chatter_speed;
                 let is_small = is_slow && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e);
@@ -120,7 +120,7 @@ impl Chatter {
                 (is_flat && sequence.impacts > IN_A_ROW).then_some((0.0, sequence.interval))
             } else {
                 let change = (ratio - before).abs();
-                // The factor of a faster sequence is not known to rounding: `chatter_speed` does not end it.
+                // The ratio of a faster sequence is not known to rounding, so `chatter_speed` does not end such a sequence.
                 let is_joint = sequence.impacts > IN_A_ROW && (is_last || is_flat && change <= STEADY * ratio);
                 let per_share = sequence.interval / (1.0 - ratio);
                 is_joint.then(|| (per_share * ratio, per_share * change / (1.0 - ratio)))
@@ -142,7 +142,7 @@ impl Chatter {
         (!ending.is_empty()).then_some((ending, end))
     }
 
-    /// The guards that have had an impact between the last two of `sequence`, at `now`: they end with it.
+    /// Returns the guards with an impact between the last two of `sequence`, at `now`: their sequences end with it.
     fn alternating(&self, system: &dyn HybridSystem, now: Instant, sequence: &Sequence) -> GuardSet {
         let mut set = GuardSet::default();
         let is_between = |s: &&Sequence| s.impacts >= IN_A_ROW && system.clock().between(s.at, now) < sequence.interval;
@@ -150,8 +150,8 @@ impl Chatter {
         set
     }
 
-    /// Another impact, with rebound `speed`. It is the sequence's own if it is e times the last, to within `others` of it: no other
-    /// contact has had a part in it.
+    /// Adds an impact with rebound `speed`. No other contact has influenced it if the speed is e times the last one to within the share
+    /// `others`.
     fn record(
         &mut self,
         guard: GuardId,

@@ -1,8 +1,8 @@
 //! Everything that happens at one instant, from its first cause to its record.
 //!
-//! The first cause opens the instant: guards that fire, a known switching time or the sum of an impact sequence. Each cause makes a
-//! jump. The first step of the motion after it tells whether guards fire at the same instant again, which is the next cause; if none
-//! does, the instant is closed and on record (`docs/EVENTS.md`, 2, 11 to 15 and 20).
+//! The first cause opens the instant: guards that fire, a known switching time or the sum of an impact sequence. Each cause makes a jump.
+//! The first step of the motion after it decides whether guards fire at the same instant again, which is the next cause. If none does, the
+//! instant is closed and recorded (`docs/EVENTS.md`, 2, 11 to 15 and 20).
 
 use super::{
     EngineError, Jumped, Observer, Outcome,
@@ -16,25 +16,25 @@ use crate::{
     integrate::DenseStep,
 };
 
-/// Jumps without an impulse allowed at one instant; more are a cycle.
+/// Maximum number of jumps without an impulse at one instant; more are a cycle.
 const MAX_CASCADE: usize = 64;
-/// Jumps with an impulse allowed at one instant. A factor of 0.992 a round reaches [`LOST`] in as many.
+/// Maximum number of jumps with an impulse at one instant. A factor of 0.992 per round reaches [`LOST`] in as many.
 const MAX_STRIKES: usize = 4096;
-/// Approach speed, relative to the fastest at the same instant, below which contacts come to rest instead of bouncing: the rounding of
-/// the speeds that it is a difference of.
+/// Approach speed, relative to the fastest at the same instant, below which contacts come to rest. It is the rounding of the speeds whose
+/// difference is the approach speed.
 const LOST: f64 = 256.0 * f64::EPSILON;
 
-/// Times its error that a guard may be off zero at a switch that its event waits for: twice each for the values there and at the event.
+/// Factor on the error of a guard at a switch that its event waits for: twice each for the values at the switch and at the event.
 const WAITING: f64 = 4.0;
 
-/// How far an instant is resolved.
+/// Progress of the resolution of an instant.
 #[derive(Clone, Copy, PartialEq)]
 enum Stage {
     /// Guards may still fire.
     Open,
     /// The record is complete; its impacts are not yet part of a sequence.
     Closed,
-    /// The motion has gone on.
+    /// The motion has continued past the instant.
     Past,
 }
 
@@ -42,18 +42,18 @@ enum Stage {
 pub(super) struct EventIteration {
     stage: Stage,
     record: EventRecord,
-    /// Nobody reads the record: the modes and states in it may be left out.
+    /// True if no observer reads the record; its modes and states may then be omitted.
     pub is_silent: bool,
-    /// Modes left at the instant, one for each jump.
+    /// Modes before the jumps of the instant, one for each jump.
     cascade: Vec<Mode>,
-    /// Jumps that had an impulse.
+    /// Number of jumps with an impulse.
     strikes: usize,
-    /// Their fastest approach, where all that fired rebounds, m/s.
+    /// Fastest approach speed of jumps whose guards all rebound, m/s.
     fastest: f64,
 }
 
 impl EventIteration {
-    /// The start of a run: what follows from it at once is one record.
+    /// Opens the instant at the start of a run: all jumps there make one record.
     pub fn new(state: &State) -> Self {
         let mode = || state.jump.mode.clone();
         let (x_minus, jump) = (state.x.clone(), state.jump.clone());
@@ -67,17 +67,17 @@ impl EventIteration {
         self.stage == Stage::Open
     }
 
-    /// The guards that have fired at the instant.
+    /// Returns the guards that have fired at the instant.
     pub fn fired(&self) -> &GuardSet {
         &self.record.fired
     }
 
-    /// Opens the instant at which `state` stands, unless it is open.
+    /// Opens the instant of `state`, unless an instant is open.
     fn open(&mut self, state: &State) {
         if self.is_open() {
             return;
         }
-        // An arc too short for the clock to tell leaves the instant what it was: its jumps go on counting.
+        // An arc too short for the clock leaves the instant the same: its jumps are counted on.
         if self.record.at != state.at {
             self.cascade.clear();
             (self.strikes, self.fastest) = (0, 0.0);
@@ -88,13 +88,13 @@ impl EventIteration {
             record.from = state.jump.mode.clone();
             record.x_minus.clone_from(&state.x);
         }
-        // All but what `close` writes.
+        // All fields except those that `close` sets.
         (record.fired, record.conditioning, record.accumulation) = Default::default();
         (record.jumps, record.projected, record.switched, record.start) = Default::default();
         self.stage = Stage::Open;
     }
 
-    /// Closes the instant with the state after it. Its record, if there is anything to say.
+    /// Closes the instant with the state after it. Returns its record if anything happened.
     pub fn close(&mut self, state: &State) -> Option<&EventRecord> {
         if !self.is_open() {
             return None;
@@ -115,7 +115,7 @@ impl EventIteration {
 }
 
 impl Core<'_> {
-    /// The guards of `located` fire where `point` stands.
+    /// Makes the jump of the guards of `located` at `point`.
     pub fn fire(
         &mut self,
         point: &mut Point,
@@ -138,10 +138,10 @@ impl Core<'_> {
         }
         cascade.push(jump.mode.clone());
         alarm.jumped();
-        // A guard that is known to touch carries an impulse without an impact.
+        // A guard known to touch carries an impulse without an impact.
         let near = &located.near - &jump.pinned;
         jump.pinned |= &located.zero;
-        // Events closer together than their uncertainties are one instant: a rigid flank that does not give back touches.
+        // Events closer together than their uncertainties are one instant: a rigid flank with e = 0 counts as touched.
         let touches = located.near.iter().filter(|id| system.restitution(*id) == Some(0.0));
         touches.for_each(|id| jump.pinned.insert(id));
         let before = observer.wants_jumps().then(|| (jump.clone(), x.clone()));
@@ -157,7 +157,7 @@ impl Core<'_> {
         *jump = after.map_err(|source| EngineError::Model { t: system.clock().time(*at).value(), source })?;
         alarm.moved(*system, *at, &located.fired, jump.projected)?;
         if *tolerance > 0.0 && jump.projected > 0.0 {
-            // The move is more than rounding then, and what was carried is of the state before it.
+            // The move is then more than rounding, and the carried values belong to the state before it.
             carried.clear();
         }
         if let Some((from, x_minus)) = &before {
@@ -175,7 +175,7 @@ impl Core<'_> {
         Ok(())
     }
 
-    /// `point` stands at a known switching time: the schedule of the mode moves on.
+    /// Advances the schedule of the mode at a known switching time, at which `point` is.
     pub fn switch(&mut self, point: &mut Point) {
         self.counters.switches += 1;
         self.iteration.open(&point.state);
@@ -185,8 +185,8 @@ impl Core<'_> {
         self.next_switch = self.system.next_switch(&jump.mode, *at);
     }
 
-    /// An impact sequence ends: the contacts of `guards` come to rest. The time of the record is that of the sum, which is ahead of the
-    /// state. So the sum stands only if nothing else happens before: the first step of the motion at rest tells.
+    /// Ends an impact sequence: the contacts of `guards` come to rest. The time of the record is that of the sum, which is ahead of the
+    /// state. The first step of the motion at rest confirms the sum if nothing else happens before.
     pub fn rest(&mut self, point: &mut Point, guards: GuardSet, accumulation: Accumulation) -> Result<(), EngineError> {
         let (clock, before) = (self.system.clock(), point.clone());
         let Point { state, low, carried } = point;
@@ -205,7 +205,7 @@ impl Core<'_> {
         Ok(())
     }
 
-    /// Confirms the sum of an impact sequence, if there is one, which has led to `state`: its instant is closed. What ends the run there.
+    /// Confirms the sum of an impact sequence that has led to `state`, if any, and closes its instant. Returns the outcome if the run ends.
     pub fn confirm(&mut self, state: &State, observer: &mut dyn Observer) -> Option<Outcome> {
         let Summed { before, guards, .. } = self.summed.take()?;
         self.chatter.clear();
@@ -218,7 +218,7 @@ impl Core<'_> {
         self.close(state, observer).or_else(|| is_spent(self).then_some(Outcome::EventBudgetSpent))
     }
 
-    /// Takes the sum of an impact sequence back: its impacts go on one by one up to `until`. Where they go on.
+    /// Revokes the sum of an impact sequence: impacts go on one by one up to `until`. Returns the point after the last resolved impact.
     pub fn resume(&mut self, until: Instant) -> Option<Point> {
         let Summed { before, .. } = self.summed.take()?;
         self.chatter.block(until);
@@ -227,7 +227,7 @@ impl Core<'_> {
         Some(before)
     }
 
-    /// Closes the instant that is open, if any, and hands on its record. The outcome, if the observer stops the run there.
+    /// Closes the open instant, if any, and passes on its record. Returns the outcome if the observer stops the run.
     pub fn close(&mut self, state: &State, observer: &mut dyn Observer) -> Option<Outcome> {
         let is_silent = self.iteration.is_silent;
         let record = self.iteration.close(state)?;
@@ -235,7 +235,7 @@ impl Core<'_> {
         (!is_silent && observer.event(record).is_break()).then_some(Outcome::StoppedByObserver)
     }
 
-    /// A lane has gone on from the instant, if one was open, to `state`: its record is complete, and nothing carries over.
+    /// Closes the open instant, if any, with the `state` that a lane has reached, and forgets the last step.
     pub fn go_past(&mut self, state: &State) {
         if let Some(record) = self.iteration.close(state) {
             self.counters.add(record, self.tolerance);
@@ -245,8 +245,8 @@ impl Core<'_> {
         self.next_switch = self.system.next_switch(&state.jump.mode, state.at);
     }
 
-    /// Resolves the instant at which the first step of an arc starts. If guards fire there again, they are returned. Otherwise the
-    /// instant is closed, and the arc, which has `left` to run, goes on, unless the run stops or an impact sequence is summed.
+    /// Resolves the instant at the first step of an arc with the time `left`, s. Returns guards that fire there again. Otherwise it closes
+    /// the instant and returns an end only if the run stops or a sequence is summed.
     pub fn resolve(
         &mut self,
         step: &dyn DenseStep,
@@ -273,16 +273,16 @@ impl Core<'_> {
         self.rests(&flight, left)
     }
 
-    /// The end of an impact sequence whose last impacts have just been recorded, if it comes before the arc ends, `left` later: a switch or
-    /// the run's end may not fall inside.
+    /// Returns the end of an impact sequence whose last impacts have just been recorded. The end must come before that of the arc, `left`
+    /// later, s.
     pub fn rests(&mut self, flight: &Flight<'_>, left: f64) -> Option<End> {
         let impacts = &self.iteration.record.fired;
         let (guards, accumulation) = self.chatter.ends(self.system, flight, impacts, &self.options)?;
         (accumulation.remaining < left).then_some(End::Rest(guards, accumulation))
     }
 
-    /// Closes the instant that is open, if any: no guard fires there again. Whether its record has just been closed and tells of
-    /// impacts; or what ends the run there.
+    /// Closes the open instant, if any: no guard fires there again. Returns whether its record has just been closed and contains impacts,
+    /// or the outcome if the run ends.
     pub fn pass(&mut self, place: Place<'_>, observer: &mut dyn Observer) -> Result<bool, Outcome> {
         if self.iteration.is_open() {
             let outcome = self.close(place.state, observer);
@@ -299,9 +299,9 @@ impl Core<'_> {
 }
 
 impl Place<'_> {
-    /// Whether a state event on `step` waits for the switch at the end of the arc, `left` after the step's start: it fires at the start of
-    /// the next arc. Its guards are then not to be told from zero up to there; one whose time is uncertain because they hardly move, and
-    /// then do, does not wait.
+    /// Returns whether a state event on `step` waits for the switch at the end of the arc, `left` seconds after the start of the step. Such
+    /// an event fires at the start of the next arc. Its guards must be zero within their error at the switch, so that a slow guard that
+    /// crosses clearly does not wait.
     pub fn waits(&self, step: &dyn DenseStep, located: &Located, left: f64) -> bool {
         let is_zero = |i: usize| {
             let ((tail, rounding), left_out) = (step.guard_error(i), step.left_out(i));

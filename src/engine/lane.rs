@@ -1,7 +1,7 @@
-//! A run of which nobody looks at more than where it ends, in the lane of its system.
+//! Runs that only report their final state, in the lane of the system.
 //!
-//! What happens is what arcs and instants make of it, to the last bit: a lane goes on where nothing is left to decide, and gives back the
-//! arc that it cannot decide, from its start.
+//! The result equals that of arcs and instants, bit for bit. A lane advances only where nothing is ambiguous, and returns any arc that it
+//! cannot decide from the start of that arc.
 
 use super::{
     chatter::{Chatter, Flight},
@@ -14,13 +14,13 @@ use crate::{
     integrate::Integrator,
 };
 
-/// What a lane asks of a run.
+/// Host of a lane: decides exactness and the ends of impact sequences.
 struct Host<'a, 's> {
     system: &'s dyn HybridSystem,
     integrator: &'a mut (dyn Integrator + 's),
     chatter: &'a mut Chatter,
     options: &'a Options,
-    /// Time, s, that an arc takes at most.
+    /// Longest possible duration of an arc, s.
     longest: f64,
     ended: Option<(GuardSet, Accumulation)>,
 }
@@ -45,7 +45,7 @@ impl LaneHost for Host<'_, '_> {
     }
 }
 
-/// Goes on in `lane` from `point` up to `bound`. What ends the arc that is left, if the lane has come to it.
+/// Advances in `lane` from `point` up to `bound`. Returns the end of the current arc if the lane has reached it.
 pub(super) fn go_on<'s>(
     lane: &mut (dyn Lane + 's),
     core: &mut Core<'s>,
@@ -56,14 +56,14 @@ pub(super) fn go_on<'s>(
     let Core { system, options, counters, chatter, iteration, .. } = core;
     let is_open = iteration.is_open();
     let before = counters.events + u64::from(is_open);
-    // With a tolerance the uncertainty of each event is counted, which a lane does not tell.
+    // With a tolerance the uncertainty of each event is counted, and a lane does not give it.
     if before >= options.max_events || !point.state.jump.still.is_empty() || core.tolerance > 0.0 {
         return None;
     }
     let longest = system.clock().between(point.state.at, bound);
     let mut host = Host { system: *system, integrator, chatter, options, longest, ended: None };
     let fired = iteration.fired();
-    // Several impacts at once are for the instant to sort out.
+    // Several impacts at once are resolved by the event iteration.
     if is_open && fired.len() > 1 {
         return None;
     }

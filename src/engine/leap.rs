@@ -1,7 +1,7 @@
-//! Arcs whose motion tells its way at once: no series, no search, one guard that falls alone.
+//! Arcs in closed form: no series, no search, one guard that falls alone.
 //!
-//! What happens at an instant is decided as on any step ([`visit`](super::visit)): a leap is taken where nothing is left to decide, because
-//! exactly one guard falls and all others are clear of zero. Everything else is left to the steps.
+//! Events are decided as on any step ([`visit`](super::visit)). A leap is taken where exactly one guard falls and all others are clear of
+//! zero. Steps do everything else.
 
 use std::ops::ControlFlow;
 
@@ -20,31 +20,31 @@ use crate::{
     poly::{FirstRoot, first_root},
 };
 
-/// A step that ends this near to the leap, relative to its span, ends with it.
+/// Distance to the end of a leap, relative to the span of a step, below which the step ends with the leap.
 const ENDED: f64 = 4.0 * f64::EPSILON;
 
-/// What leaps need.
+/// Buffers and counts of the leaps of an arc.
 #[derive(Default)]
 pub(super) struct Leaps {
     leap: Leap,
-    /// The largest size of each component on the arc's leaps so far.
+    /// Largest size of each component on the leaps of the arc so far, `[dim]`.
     extent: Vec<f64>,
-    /// Leaps of the arc so far.
+    /// Number of leaps of the arc so far.
     count: u32,
-    /// Arcs of the run in its mode.
+    /// Number of arcs of the run in the current mode.
     here: u64,
-    /// What they have left out.
+    /// Truncation of the leaps so far, of displacements and of velocities, as [`Jet::left_out`](crate::hybrid::Jet::left_out).
     left_out: [f64; 2],
-    /// Time of the last leap of the arc, s, whose end has to agree with the start of what comes next within the rounding gathered in it.
+    /// Duration of the last leap, s, if its end must agree with the start of the next step within the rounding gathered in the leap.
     last: Option<f64>,
-    /// Shows observers the steps that a leap has not made.
+    /// Integrator of the steps that observers see in place of a leap.
     shown: Taylor,
     end: [Vec<f64>; 2],
 }
 
 impl Leaps {
-    /// Leaps from `point` up to `bound`, as far as `motion` tells its way. What ends the arc; `None` where steps have to go on, from
-    /// where `point` is then; the run has made so many arcs `here`, in its mode.
+    /// Leaps from `point` up to `bound`, as far as `motion` permits. Returns the end of the arc, or `None` if steps have to continue from
+    /// the new `point`. The run has made `here` arcs in the mode.
     pub fn arc(
         &mut self,
         core: &mut Core<'_>,
@@ -56,7 +56,7 @@ impl Leaps {
     ) -> Result<Option<End>, EngineError> {
         (self.last, self.here) = (None, here);
         let ended = self.go(core, motion, point, bound, arrival, observer)?;
-        // What comes next is no leap of this arc.
+        // The next piece is no leap of this arc.
         if let Some(time) = self.last.filter(|_| matches!(ended, None | Some(End::Bound))) {
             core.alarm.gather(|id| self.gathered(motion, id, 0, (self.count, time)));
         }
@@ -99,14 +99,14 @@ impl Leaps {
                 continue;
             }
             let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
-            // Unlike `max`, this comparison is one that vectors have.
+            // Unlike `max`, this comparison exists as a vector instruction.
             self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = if *size > *e { *size } else { *e });
             let event = self.leap.passage.map(|passage| {
                 let now = (self.count + 1, self.leap.time);
                 let gathered = self.gathered(motion, passage.guard, passage.zeros, now);
                 (passage, gathered, located(&passage, &self.leap, gathered))
             });
-            // An event that cannot be told from a switch waits for it. Where no time passes there is no leap.
+            // An event that cannot be distinguished from a switch waits for it. A leap of zero duration is none.
             let waits = |located: &Located| span - self.leap.time <= located.conditioning.time;
             let is_late = arrival == Arrival::Switch && event.as_ref().is_some_and(|(.., located)| waits(located));
             if is_late || !advances(&clock, at, self.leap.time, span) {
@@ -129,7 +129,7 @@ impl Leaps {
                 }
             }
             let mut breaks = false;
-            // What is shown there may have made the observer look at steps from now on.
+            // The record shown there may have made the observer watch steps from now on.
             if observer.wants_steps(&point.state.jump.mode) {
                 if let Some(end) = self.show(core, motion, point, end, observer)? {
                     return Ok(Some(end));
@@ -167,17 +167,17 @@ impl Leaps {
         }
     }
 
-    /// The rounding that guard `id` has gathered at the end of the arc's leap number `count`, which took so much `time`; `zeros` of its
-    /// first derivatives are exactly zero at the start.
+    /// Returns the rounding gathered by guard `id` at the end of leap number `count` of the arc, of duration `time`, s. The first `zeros`
+    /// derivatives of the guard are exactly zero at the start.
     fn gathered(&self, motion: &dyn JetField, id: GuardId, zeros: usize, (count, time): (u32, f64)) -> f64 {
-        // Where no derivative counts, the error of the arc's first leap says it all.
+        // If no derivative counts, the error of the first leap is complete.
         if count == 1 && zeros > 2 {
             return 0.0;
         }
         gathered(motion.term_sizes(id, &self.leap.jet, &self.extent), count, time, zeros)
     }
 
-    /// The end of an impact sequence, `span` before the arc ends.
+    /// Returns the end of an impact sequence, if it comes within `span` seconds.
     fn rests(&self, core: &mut Core<'_>, start: Instant, span: f64) -> Option<End> {
         let starts = &self.leap.starts;
         let guards: SmallVec<[GuardId; 8]> = starts.iter().map(|known| known.guard).collect();
@@ -191,13 +191,13 @@ impl Leaps {
         core.rests(&flight, span)
     }
 
-    /// What the last arc has behind it, for the steps that go on with it.
+    /// Returns the data of the leaps of the last arc, for the steps that continue it.
     pub fn before(&self) -> Before<'_> {
         let (steps, left_out) = (self.count, self.left_out);
         if steps == 0 { Before::default() } else { Before { steps, extent: &self.extent, left_out } }
     }
 
-    /// Shows the observer the motion up to `end`.
+    /// Passes the motion up to `end` to the observer as steps.
     fn show(
         &mut self,
         core: &mut Core<'_>,
@@ -208,7 +208,7 @@ impl Leaps {
     ) -> Result<Option<End>, EngineError> {
         let Point { state, low, carried } = point;
         let (jump, clock) = (&state.jump, *core.system.clock());
-        // At the end of a contact its clock stands still, and no step arrives there: steps run past the event, and are cut.
+        // The clock of a contact stops at the end of the contact, and no step arrives there: steps run past the event, and are cut.
         let falls = self.leap.passage.map(|passage| passage.guard);
         let bound = if falls.is_some() { clock.advance(state.at, 2.0 * self.leap.time) } else { end };
         let arc = Arc {
@@ -254,16 +254,16 @@ impl Leaps {
     }
 }
 
-/// What has been left out, `time` s later: an error of the velocities moves the bodies.
+/// Returns the truncation `time` seconds later: an error of velocity grows into an error of displacement.
 fn drifted([moved, speed]: [f64; 2], time: f64) -> [f64; 2] {
     [moved + speed * time, speed]
 }
 
-/// The event at the end of `leap`.
+/// Returns the event at the end of `leap`.
 fn located(passage: &Passage, leap: &Leap, gathered: f64) -> Located {
     let error = passage.error + gathered;
     let mut guard = leap.twins.clone();
-    // As of a step: no more than all of it.
+    // As for a step, the uncertainty is at most the whole leap.
     let most = if leap.is_series { leap.jet.time_at(1.0) } else { f64::INFINITY };
     let width = (error / passage.slope.abs()).min((2.0 * error / passage.curvature).sqrt());
     guard.insert(passage.guard);

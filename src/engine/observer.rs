@@ -9,11 +9,11 @@ use crate::{
 /// One jump at an instant, which may have several.
 #[derive(Clone, Copy, Debug)]
 pub struct Jumped<'a> {
-    /// When.
+    /// Instant of the jump.
     pub at: Instant,
     /// Mode and exact zeros before it.
     pub from: &'a Jump,
-    /// And after it.
+    /// Mode and exact zeros after it.
     pub to: &'a Jump,
     /// The guards that fire, or whose contacts are brought to rest.
     pub fired: &'a GuardSet,
@@ -21,52 +21,52 @@ pub struct Jumped<'a> {
     pub x_minus: &'a [f64],
     /// State after, `[dim]`.
     pub x_plus: &'a [f64],
-    /// It brings contacts to rest: the end of an impact sequence, of which this is the last impact that was resolved.
+    /// True if the jump brings contacts to rest: it ends an impact sequence, and this is the last impact resolved.
     pub settles: bool,
 }
 
-/// Watches a run. Every method may break it off; the run then ends with an outcome, not an error.
+/// Watches a run. Every method that returns a [`ControlFlow`] may stop it; the run then ends with an outcome, not an error.
 pub trait Observer {
-    /// Whether it looks at steps in `mode`. Where it does not, the run does not form those that it can do without, and hands on a
+    /// Returns whether the observer looks at steps in `mode`. If not, the run omits the steps that it can, and passes a
     /// [`leap`](Self::leap) in their place. The motion is the same, bit for bit.
     fn wants_steps(&self, mode: &Mode) -> bool {
         let _ = mode;
         true
     }
 
-    /// Whether it looks at events. Where it does not, the run does not write their records.
+    /// Returns whether the observer looks at events. If not, the run does not fill in their records.
     fn wants_events(&self) -> bool {
         true
     }
 
-    /// Whether it looks at anything at all. Where it does not, a run may go from event to event without telling of them.
+    /// Returns whether the observer looks at anything at all. If not, a run may go from event to event without reporting any.
     fn wants_anything(&self) -> bool {
         true
     }
 
-    /// A piece of smooth motion: the step, valid on `[0, until]`.
+    /// Receives a piece of smooth motion: the step, valid on `[0, until]`.
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let _ = (mode, step, until);
         ControlFlow::Continue(())
     }
 
-    /// A piece of smooth motion of `time` seconds whose steps were not wanted.
+    /// Receives a piece of smooth motion of `time` seconds whose steps were not wanted.
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
         let _ = (mode, time);
         ControlFlow::Continue(())
     }
 
-    /// Whether it looks at single jumps.
+    /// Returns whether the observer looks at single jumps.
     fn wants_jumps(&self) -> bool {
         false
     }
 
-    /// A jump. The instant's record follows when it is closed.
+    /// Receives a jump. The record of the instant follows when it is closed.
     fn jump(&mut self, jumped: &Jumped<'_>) {
         let _ = jumped;
     }
 
-    /// An instant at which something changed (or was touched, or decided at the start).
+    /// Receives the record of an instant with a change, a touch, or a decision at the start.
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         let _ = record;
         ControlFlow::Continue(())
@@ -88,7 +88,7 @@ impl Observer for () {
     }
 }
 
-/// Both watch; either may break off.
+/// Passes everything to both observers; either may stop the run.
 impl<A: Observer, B: Observer> Observer for (A, B) {
     fn wants_steps(&self, mode: &Mode) -> bool {
         self.0.wants_steps(mode) || self.1.wants_steps(mode)
@@ -130,7 +130,7 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
     }
 }
 
-/// Watches, or not.
+/// Passes everything to the observer, if there is one.
 impl<T: Observer> Observer for Option<T> {
     fn wants_steps(&self, mode: &Mode) -> bool {
         self.as_ref().is_some_and(|observer| observer.wants_steps(mode))

@@ -1,34 +1,34 @@
 use crate::{hybrid::ModelError, integrate::IntegrateError};
 
-/// How a run ended. All of these are results.
+/// Regular end of a run. All of these are results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// The end was reached.
     ReachedEnd,
-    /// An observer broke off.
+    /// An observer stopped the run.
     StoppedByObserver,
     /// The event budget was spent.
     EventBudgetSpent,
 }
 
-/// Why a run failed. What was logged until then stands.
+/// Failure of a run. Everything logged before it remains valid.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EngineError {
     /// The integrator failed.
     #[error("with {mode}: {source}")]
     Integrate {
-        /// In which mode, in the system's words.
+        /// Mode, in the words of the system.
         mode: String,
-        /// Why.
+        /// Cause.
         source: IntegrateError,
     },
     /// The automaton could not jump.
     #[error("at t = {t} s: {source}")]
     Model {
-        /// When, s.
+        /// Time, s.
         t: f64,
-        /// Why.
+        /// Cause.
         source: ModelError,
     },
     /// Two numbers that must agree do not.
@@ -36,25 +36,25 @@ pub enum EngineError {
         "at t = {t} s {what}: {guard}, by {amount:e} where {limit:e} is allowed; the events up to there stand, please report the scene"
     )]
     Alarm {
-        /// When, s.
+        /// Time, s.
         t: f64,
-        /// Which guard, in the system's words.
+        /// Guard, in the words of the system.
         guard: String,
-        /// What is tested.
+        /// Description of the failed test.
         what: &'static str,
-        /// By how much they differ, in the guard's units.
+        /// Difference of the two numbers, in units of the guard.
         amount: f64,
-        /// By how much they may.
+        /// Largest permitted difference, in units of the guard.
         limit: f64,
     },
-    /// The clock does not tell the ends of many arcs from their starts.
+    /// The clock cannot distinguish the ends of many arcs from their starts.
     #[error(
         "at t = {t} s time stands still: {arcs} arcs in a row are shorter than the clock resolves; the events up to there stand"
     )]
     Still {
-        /// When, s.
+        /// Time, s.
         t: f64,
-        /// Arcs in a row.
+        /// Number of such arcs in a row.
         arcs: u32,
     },
     /// The motion takes more steps than the run is allowed.
@@ -63,19 +63,19 @@ pub enum EngineError {
          raise run.step_budget, run shorter, or check the units of stiffness, inertia and speed"
     )]
     Steps {
-        /// When, s.
+        /// Time, s.
         t: f64,
-        /// The budget.
+        /// Budget of steps.
         steps: u64,
     },
     /// Jumps at one instant that lead to each other without end.
     #[error("at t = {t} s the jumps do not come to rest after {rounds} rounds; they go round through: {}", cycle.join("; "))]
     Cycle {
-        /// When, s.
+        /// Time, s.
         t: f64,
-        /// Jumps made.
+        /// Number of jumps made.
         rounds: usize,
-        /// The modes they go through, in the system's words: from the last one back to where it was met before, or all.
+        /// Modes of the cycle, in the words of the system: since the previous occurrence of the last one, or all.
         cycle: Vec<String>,
     },
 }

@@ -1,32 +1,32 @@
-//! Where a run stands, what it is allowed, and what it has done.
+//! Position of a run, its limits and its counters.
 
 use crate::{
     event::EventRecord,
     hybrid::{FULL_PRECISION, Instant, Jump},
 };
 
-/// Shares of its tolerance that an arc gives to a step: for the steps it takes, times how much faster than its guard the fastest body may
-/// be. That is no bound, events tell what they have; and it is cheap, as a step is longer by the 25th root only.
+/// Divisor from the tolerance of an arc to that of a step. It covers the number of steps, times the ratio of the fastest speed to that of
+/// the guard. It is no bound: events report their actual uncertainty. It is cheap: a step shortens only by the 25th root.
 const SHARES: f64 = 4096.0;
 
-/// Where a run stands.
+/// Instant, state and mode of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// When.
+    /// Current instant.
     pub at: Instant,
-    /// State, `[dim]`.
+    /// State vector, `[dim]`.
     pub x: Vec<f64>,
     /// Mode and exact zeros.
     pub jump: Jump,
 }
 
-/// A state, and what its doubles alone do not hold.
+/// State with the digits that its doubles do not hold.
 #[derive(Clone)]
 pub(super) struct Point {
     pub state: State,
-    /// What the state is beyond the rounding of its `x`, `[dim]`.
+    /// Part of the state below the rounding of its `x`, `[dim]`.
     pub low: Vec<f64>,
-    /// What the last step kept for the next arc.
+    /// Values that the last step carried over to the next arc.
     pub carried: Vec<f64>,
 }
 
@@ -36,7 +36,7 @@ impl Point {
     }
 }
 
-/// What a run is allowed.
+/// Limits and tolerances of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Records after which the run ends with [`EventBudgetSpent`](super::Outcome::EventBudgetSpent).
@@ -45,13 +45,13 @@ pub struct Options {
     pub max_steps: u64,
     /// A chatter is summed when the rebound speed has fallen to this fraction of the fastest in the sequence, `(0, 1)`.
     pub chatter_fraction: f64,
-    /// Error of the time of an event that its arc may add, of the period, `[0, 0.001]`; 0 is full precision. It is aimed at: what is
-    /// known less well counts as a [near touch](Counters::near_touches).
+    /// Error that an arc may add to the time of an event, as a fraction of the period, `[0, 0.001]`; 0 is full precision. It is a target:
+    /// an event with a larger error counts as a [near touch](Counters::near_touches).
     pub event_tolerance: f64,
-    /// The period that this is a fraction of, s; that of the system's clock if there is none.
+    /// Period to which `event_tolerance` refers, s; that of the clock of the system if `None`.
     pub period: Option<f64>,
-    /// Replaces the fraction where the rebound speed has fallen below this, in the guards' units per second: a chatter of one contact is
-    /// summed then too, if the same expansion holds. 0 for never.
+    /// Rebound speed below which a chatter of one contact is summed even above the fraction, in units of the guard per second. The same
+    /// expansion must hold. 0 for never.
     pub chatter_speed: f64,
 }
 
@@ -68,24 +68,24 @@ impl Default for Options {
     }
 }
 
-/// Work done.
+/// Counts of the work done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counters {
-    /// Dense steps taken, the cut ones included.
+    /// Dense steps taken, including those cut at an event.
     pub steps: u64,
-    /// Smooth arcs.
+    /// Number of smooth arcs.
     pub arcs: u64,
-    /// Records of a changed mode or state.
+    /// Records with a changed mode or state.
     pub events: u64,
-    /// Guards fired in them.
+    /// Guards fired in these records.
     #[serde(rename = "guards_fired")]
     pub fired: u64,
     /// Known switching times passed.
     pub switches: u64,
     /// Touches without crossing.
     pub grazes: u64,
-    /// Events whose time is less certain than [`Options::event_tolerance`], touches included: a dip of a guard that is shorter may have
-    /// been taken for none. Zero at full precision.
+    /// Events whose time is less certain than [`Options::event_tolerance`], touches included. Shorter dips of a guard may have been missed.
+    /// Zero at full precision.
     pub near_touches: u64,
     /// Impact sequences summed to their accumulation point.
     pub accumulations: u64,
@@ -94,12 +94,12 @@ pub struct Counters {
 }
 
 impl Options {
-    /// Truncation of a step, relative to the rates.
+    /// Returns the truncation of a step, relative to the rates.
     pub(super) fn truncation(&self) -> f64 {
         FULL_PRECISION.max(self.event_tolerance / SHARES)
     }
 
-    /// What a step leaves out on request, relative to the rates: zero at full precision.
+    /// Returns the additional truncation of a step on request, relative to the rates: zero at full precision.
     #[must_use]
     pub fn left_out(&self) -> f64 {
         self.truncation() - FULL_PRECISION

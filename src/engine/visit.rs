@@ -1,4 +1,4 @@
-//! What a visit to a step does: resolves the instant before it, finds its first event, hands it on.
+//! Visits of steps: resolve the instant before a step, find its first event, pass it on.
 
 use std::ops::ControlFlow;
 
@@ -15,84 +15,84 @@ use crate::{
     integrate::{Before, DenseStep},
 };
 
-/// What a visit to a step needs.
+/// Common state of the engine during visits.
 pub(super) struct Core<'s> {
     pub system: &'s dyn HybridSystem,
     pub options: Options,
-    /// The largest error of an event's time that is asked for, s; 0 at full precision.
+    /// Largest permitted error of the time of an event, s; 0 at full precision.
     pub tolerance: f64,
     pub counters: Counters,
     pub locator: Locator,
     pub chatter: Chatter,
     pub alarm: Alarm,
     pub iteration: EventIteration,
-    /// The next known switching time, kept until it is passed.
+    /// Next known switching time, kept until it is passed.
     pub next_switch: Option<Instant>,
-    /// Where the current arc was left; its mode means nothing.
+    /// Point at which the current arc was left; its mode has no meaning.
     pub left: Point,
-    /// What the arc has made before a step that has to be made again.
+    /// Data of the arc before a step that has to be repeated.
     pub again: Option<Again>,
-    /// Whether the arc at hand goes on from such a step.
+    /// True if the current arc continues from such a step.
     pub is_again: bool,
-    /// The sum of an impact sequence that the first step of the motion at rest has to confirm.
+    /// Sum of an impact sequence that the first step of the motion at rest has to confirm.
     pub summed: Option<Summed>,
 }
 
-/// An impact sequence that is summed, before anything of it is on record.
+/// Impact sequence that is summed, before anything of it is recorded.
 pub(super) struct Summed {
-    /// Where its last resolved impact left the motion.
+    /// Point after its last resolved impact.
     pub before: Point,
-    /// Its guards.
+    /// Guards of the sequence.
     pub guards: GuardSet,
-    /// Time from there to its end, s.
+    /// Time from that point to the end of the sequence, s.
     pub remaining: f64,
 }
 
-/// The steps of an arc before one of them is made again: see [`Before`](crate::integrate::Before).
+/// Steps of an arc before one of them is repeated: see [`Before`](crate::integrate::Before).
 pub(super) struct Again {
     pub steps: u32,
     pub extent: Vec<f64>,
     pub left_out: [f64; 2],
 }
 
-/// What ended an arc.
+/// Cause of the end of an arc.
 pub(super) enum End {
-    /// A step that has to be made again at full precision, from where it starts.
+    /// A step has to be repeated at full precision, from its start.
     Again,
-    /// Its bound.
+    /// The bound of the arc.
     Bound,
     /// Guards that fire.
     Event(Located),
-    /// An impact sequence that is summed: the contacts of its guards come to rest.
+    /// An impact sequence is summed: the contacts of its guards come to rest.
     Rest(GuardSet, Accumulation),
-    /// The sum of an impact sequence does not stand: its impacts go on one by one, at least up to this instant.
+    /// The sum of an impact sequence is revoked: its impacts go on one by one, at least up to this instant.
     Resume(Instant),
     /// The end of the run.
     Stop(Outcome),
 }
 
-/// What an arc runs up to.
+/// Kind of the bound of an arc.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Arrival {
     /// A known switching time.
     Switch,
     /// The end of the run.
     End,
-    /// The record of the instant it starts at: the run has ended.
+    /// The record of the instant at the start of the arc: the run has ended.
     Record,
 }
 
-/// What a visit needs to know about the arc.
+/// Start and bound of the arc of a step.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
-    /// Where it starts.
+    /// State at the start of the arc.
     pub state: &'a State,
     pub bound: Instant,
     pub arrival: Arrival,
 }
 
 impl<'s> Core<'s> {
-    /// What a run from `state` begins with.
+    /// Returns the core of a run that starts at `state`.
     pub fn new(system: &'s dyn HybridSystem, options: Options, state: &State) -> Self {
         let period = options.period.or_else(|| system.clock().period().map(Wide::value)).unwrap_or(0.0);
         Self {
@@ -104,7 +104,7 @@ impl<'s> Core<'s> {
             chatter: Chatter::default(),
             alarm: Alarm::default(),
             iteration: EventIteration::new(state),
-            // A state handed over at a switching time that its mode has not passed yet passes it first.
+            // A state handed over at a switching time that its mode has not passed passes the switch first.
             next_switch: system.next_switch(&state.jump.mode, state.at),
             left: Point::new(state.clone()),
             again: None,
@@ -115,7 +115,7 @@ impl<'s> Core<'s> {
 }
 
 impl Core<'_> {
-    /// Looks at one step, the `first` of its arc or a later one. What ends the arc on it, if anything.
+    /// Visits one step, the `first` of its arc or a later one. Returns the end of the arc if the arc ends on the step.
     pub fn visit(
         &mut self,
         step: &dyn DenseStep,
@@ -168,7 +168,7 @@ impl Core<'_> {
         Ok(None)
     }
 
-    /// Counts a step from `at`, if the run may make it.
+    /// Counts a step from `at`, or fails if the step budget is spent.
     pub fn count_step(&mut self, at: Instant) -> Result<(), EngineError> {
         let steps = self.options.max_steps;
         if self.counters.steps >= steps {
@@ -178,13 +178,13 @@ impl Core<'_> {
         Ok(())
     }
 
-    /// Whether nothing may be left out on the way to a fall of `id`: a force is exactly zero from then on, and the state has to agree to
-    /// rounding. Flanks are reached by moving the state.
+    /// Returns whether truncation on request is forbidden before a fall of `id`. After such a fall a force is exactly zero, and the state
+    /// has to agree to rounding. At a flank the state is moved instead.
     pub fn falls_exactly(&self, id: GuardId) -> bool {
         !self.system.is_continuous(id)
     }
 
-    /// Whether the step that leads to such a fall has left something out, and has to be made at full precision.
+    /// Returns whether a step with additional truncation leads to such a fall, and has to be repeated at full precision.
     fn is_loose(&self, step: &dyn DenseStep, located: &Located) -> bool {
         let falls_loosely = |(i, id): (usize, &GuardId)| {
             located.fired.contains(*id) && step.left_out(i) > 0.0 && self.falls_exactly(*id)
@@ -192,7 +192,7 @@ impl Core<'_> {
         !self.is_again && located.theta > 0.0 && step.guards().iter().enumerate().any(falls_loosely)
     }
 
-    /// Ends the arc at `theta`: at an event, if its numbers agree there.
+    /// Ends the arc at `theta`; at an event, tests that the numbers of step and state agree there.
     fn end_at(
         &mut self,
         step: &dyn DenseStep,
@@ -222,7 +222,7 @@ impl Core<'_> {
         step.carry(theta, carried);
     }
 
-    /// A touch without crossing: recorded, and nothing else.
+    /// Records a touch without crossing.
     fn graze(
         &mut self,
         step: &dyn DenseStep,

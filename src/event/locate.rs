@@ -1,4 +1,4 @@
-//! When the first guard fires on a dense step.
+//! Location of the first event on a dense step.
 
 use super::Conditioning;
 use crate::{
@@ -7,30 +7,30 @@ use crate::{
     poly::{self, Deflated, FirstRoot},
 };
 
-/// The first event on a step.
+/// First event on a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Located {
-    /// Where, in the step's clock.
+    /// Place of the event, in the clock θ of the step.
     pub theta: f64,
-    /// All guards that fire there.
+    /// All guards that fire at the event.
     pub fired: GuardSet,
-    /// Those of them that are zero there: all that fell through zero, but none that is outside from the start of an arc on.
+    /// Fired guards that are zero at the event. They fell through zero; guards outside from the start of an arc are not among them.
     pub zero: GuardSet,
-    /// Those that do not fire, but cannot be told from zero there.
+    /// Guards that do not fire, but are zero within their error at the event.
     pub near: GuardSet,
-    /// How well it is determined.
+    /// Residual, slope and uncertainty of the event.
     pub conditioning: Conditioning,
 }
 
-/// Finds first events. Holds only counters.
+/// Finder of first events, with counters only.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Locator {
-    /// Subdivisions spent where the coefficients alone did not decide.
+    /// Number of subdivisions where the coefficients alone did not decide.
     pub splits: u64,
 }
 
-/// The lowest point of `p` near a touch at `x`: Newton's method for the slope. `None` if it is not in `(0, end]`: the step before or
-/// after has it, or there is none.
+/// Returns the lowest point of `p` near a touch at `x`, by Newton's method for the slope. `None` if it is not in `(0, end]`: the step
+/// before or after has it, or there is none.
 fn lowest(p: &[f64], x: f64, end: f64) -> Option<f64> {
     let lowest = (0..NEWTON).try_fold(x, |x, _| {
         let [_, slope, curvature] = poly::eval_with_derivatives(p, x);
@@ -39,13 +39,13 @@ fn lowest(p: &[f64], x: f64, end: f64) -> Option<f64> {
     (lowest > 0.0 && lowest <= end).then_some(lowest)
 }
 
-/// A guard that comes within its error of zero, and does not cross.
+/// A guard that comes within its error of zero without crossing.
 pub struct Touch {
-    /// Where it is lowest, in θ.
+    /// Place of the lowest value, in θ.
     pub theta: f64,
-    /// Which.
+    /// Guard.
     pub guard: GuardId,
-    /// How well its time is known.
+    /// Residual, slope and uncertainty of the touch.
     pub conditioning: Conditioning,
 }
 
@@ -64,29 +64,29 @@ impl Touch {
     }
 }
 
-/// Iterations that find a lowest point from within the uncertainty of zero: two suffice, more serve touches of high order.
+/// Number of iterations to a lowest point from within the uncertainty of zero: two suffice, more serve touches of high order.
 const NEWTON: usize = 8;
 
-/// What a state resolves of a guard's value, relative to the rounding that the value may have gathered.
+/// Resolution of the value of a guard by a state, relative to the rounding that the value may have gathered.
 const RESOLVED: f64 = 1.0 / 32.0;
 
-/// Guard `i` of a step.
+/// Returns guard `i` of a step, deflated.
 fn deflated(step: &dyn DenseStep, i: usize) -> Deflated<'_> {
     let (tail, rounding) = step.guard_error(i);
     Deflated::new(step.guard(i), tail, rounding)
 }
 
-/// A root clock this much slower than its mean over the step stands still, to the accuracy of a touch: the root of
-/// the relative error of a guard, 1e-12 at worst, and some.
+/// Rate of a root clock, relative to its mean over the step, below which the clock stands still to the accuracy of a touch. It is above the
+/// root of the relative error of a guard, 1e-12 at worst.
 const STANDSTILL: f64 = 1e-3;
 
-/// Whether the step's clock stands still at `theta`, against its mean rate up to `end`.
+/// Returns whether the clock of the step stands still at `theta`, relative to its mean rate up to `end`.
 fn stands_still(step: &dyn DenseStep, theta: f64, end: f64) -> bool {
     step.plain_span().is_none() && step.rate(theta) * end <= STANDSTILL * step.time(end)
 }
 
-/// Whether a touch of guard `i` at `theta` is tangential in time. In a root clock a contact that ends together with
-/// the clock's owner touches zero at full speed, where time stands still: that is its end, not a graze.
+/// Returns whether a touch of guard `i` at `theta` is tangential in time. In a root clock, another contact that ends with the contact of
+/// the clock touches zero at full speed, where time stands still: this is an end, not a graze.
 fn is_tangent(step: &dyn DenseStep, i: usize, theta: f64, end: f64) -> bool {
     match step.guard_in_time(i, theta) {
         Some((slope, _)) => {
@@ -98,10 +98,10 @@ fn is_tangent(step: &dyn DenseStep, i: usize, theta: f64, end: f64) -> bool {
 }
 
 impl Locator {
-    /// The first event on the step, and the first touch before it, if any.
+    /// Returns the first event on the step, and the first touch before it, if any.
     ///
-    /// `starts` says that the step is the first of its arc: a row that stays within twice its error up to the touch has just
-    /// left its flank, and is no graze. `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
+    /// `starts` marks the first step of an arc: a row that stays within twice its error up to the touch has just left its flank, and is no
+    /// graze. `closed_end` includes an event exactly at the end of the step (the end of a run).
     pub fn first(&mut self, step: &dyn DenseStep, starts: bool, closed_end: bool) -> (Option<Located>, Option<Touch>) {
         let mut first: Option<(f64, usize)> = None;
         let mut touch: Option<(f64, usize)> = None;
@@ -117,11 +117,11 @@ impl Locator {
             let mut found = poly::first_root(series.p, limit, series.error);
             self.splits += u64::from(found.splits);
             if found.touch.is_some() && step.left_out(i) > 0.0 {
-                // What is left out on request makes a dip uncertain, and does not make it a touch.
+                // Truncation on request makes a dip uncertain, but not a touch.
                 let dip = poly::first_root(series.p, limit, series.error - step.left_out(i));
                 found = if dip.touch.is_none() && dip.root != FirstRoot::None { dip } else { found };
             }
-            // A row that starts at an exact zero may be clear of it and near it all the same.
+            // A row that starts at an exact zero may be clear of it and still be near it.
             if !found.is_clear || series.order > 0 {
                 doubtful.insert(step.guards()[i]);
             }
@@ -153,7 +153,7 @@ impl Locator {
         (first.map(|(theta, lead)| self.batch(step, starts, theta, lead, doubtful)), touch)
     }
 
-    /// All guards that fire at `theta` together with guard `lead`: some of `doubtful`.
+    /// Returns the event of all guards that fire at `theta` together with guard `lead`, chosen from `doubtful`.
     fn batch(&self, step: &dyn DenseStep, starts: bool, theta: f64, lead: usize, doubtful: GuardSet) -> Located {
         let series = deflated(step, lead);
         let [value, deflated_slope, curvature] = poly::eval_with_derivatives(series.p, theta);
@@ -162,10 +162,10 @@ impl Locator {
             m => (value * theta.powi(m), theta.powi(m - 1) * (f64::from(m) * value + theta * deflated_slope)),
         };
         let (curvature, own_error) = (curvature.abs(), series.error_at(theta));
-        // To first order the error over the slope; where the slope vanishes, the curvature takes over.
+        // The width is to first order the error over the slope; where the slope vanishes, the curvature replaces it.
         let width = |gathered: f64| {
             let error = own_error + gathered / theta.powi(series.order as i32);
-            // A guard that is exactly zero at the start and leaves, or that a switch or an impact has taken outside, fires at once.
+            // A guard fires at once if it leaves an exact zero at the start, or if a switch or an impact has taken it outside.
             if theta == 0.0 && (series.order > 0 || value < -error) {
                 return 0.0;
             }
@@ -180,34 +180,34 @@ impl Locator {
             let fires = if i == lead {
                 true
             } else if theta == 0.0 {
-                // At the start of an arc: outside already, or on the surface and going out.
+                // The start of an arc: the guard is outside already, or on the surface and going out.
                 poly::first_root(series.p, 1.0, series.error).root == FirstRoot::At(0.0)
             } else {
                 let (value, slope) = poly::eval_with_slope(series.p, theta);
-                // Where the lead comes slowly its time says little: the other must be within the rounding of its own state too.
+                // A slow lead has an uncertain time: the other guard must also be within the rounding of its value from the state.
                 let falls = slope < 0.0 && value <= series.error + (slope.abs() * reach).min(step.guard_rounding(i));
-                // Where a root clock stands still slopes mean nothing, and nothing but an end can be at zero.
+                // Where a root clock stands still, slopes have no meaning, and only the end of a contact can be at zero.
                 falls || standstill && value.abs() <= series.error
             };
             if fires {
                 fired.insert(*guard);
-                // At the start of a later step it fell through zero in between.
+                // At the start of a later step, the guard fell through zero in between.
                 if theta > 0.0 || series.order > 0 || !starts {
                     zero.insert(*guard);
                 }
             } else {
-                // From an exact zero on a value may be known better than the state can hold it. Then it is near where the lead passes it in
-                // no time.
+                // After an exact zero a value may be known better than the state holds it. The guard is then near if it moves that little
+                // while the lead passes.
                 let held = (RESOLVED * step.guard_rounding(i)).min(f64::EPSILON * slope.abs());
                 if series.value(theta).abs() <= held.max(series.error * theta.powi(series.order as i32)) {
                     near.insert(*guard);
                 }
             }
         }
-        // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
+        // Convert to time and to the units of the guard; at the end of a contact a root clock stands still.
         let rate = step.rate(theta).abs();
         let gathered = step.gathered(lead, theta, series.order);
-        // The place of the root is a double.
+        // The place of the root is rounded to a double.
         let place = f64::EPSILON * step.time(theta);
         let estimated = step.is_estimate();
         let conditioning = match step.guard_in_time(lead, theta) {

@@ -1,4 +1,4 @@
-//! Events: when a guard fires (`locate`), and what is written down about it (`record`).
+//! Events: their location (`locate`) and their records (`record`).
 
 mod locate;
 mod record;

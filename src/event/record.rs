@@ -1,35 +1,35 @@
 use crate::hybrid::{GuardSet, Instant, Jump, Mode, Transition};
 
-/// How well an event time is determined.
+/// Conditioning of the time of an event.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Conditioning {
-    /// Value of the guard at the event, in the guard's units.
+    /// Value of the guard at the event, in units of the guard.
     pub residual: f64,
-    /// Its rate of change in time there; small at a near-graze.
+    /// Time derivative of the guard at the event; small near a graze.
     pub slope: f64,
     /// Uncertainty of the event time, s: the error of the guard over its slope (or over its curvature at a touch).
     pub time: f64,
-    /// The uncertainty is an estimate, no proven bound.
+    /// True if the uncertainty is an estimate, not a proven bound.
     pub estimated: bool,
 }
 
 /// The end of an infinite impact sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accumulation {
-    /// Impacts of the sequence that were resolved one by one.
+    /// Number of impacts of the sequence that were resolved one by one.
     pub resolved: u32,
     /// Time from the last resolved impact to the accumulation point, s.
     pub remaining: f64,
-    /// Uncertainty of that time, s: an estimate, by how steadily the last rebounds have shrunk.
+    /// Uncertainty of that time, s: an estimate from the steadiness of the last rebound ratios.
     pub uncertainty: f64,
 }
 
 /// One instant at which the mode or the state changed.
 ///
-/// All guards that fired at the instant, and all that fired as a consequence, are in one record.
+/// One record contains all guards that fired at the instant, cascade included.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EventRecord {
-    /// When.
+    /// Instant of the event.
     pub at: Instant,
     /// The guards that fired, cascade included.
     pub fired: GuardSet,
@@ -37,7 +37,7 @@ pub struct EventRecord {
     pub from: Mode,
     /// Mode after.
     pub to: Mode,
-    /// The mode after with its exact zeros: with `x_plus`, all that the motion goes on from.
+    /// Mode after with its exact zeros: with `x_plus`, the complete start of the following motion.
     pub jump: Jump,
     /// State before, `[dim]`.
     pub x_minus: Vec<f64>,
@@ -45,22 +45,22 @@ pub struct EventRecord {
     pub x_plus: Vec<f64>,
     /// Conditioning of the event time (worst of the batch).
     pub conditioning: Conditioning,
-    /// Jumps iterated at this instant: 1 without a cascade.
+    /// Number of jumps at this instant: 1 without a cascade.
     pub jumps: u32,
-    /// A known switching time fell on this instant.
+    /// True if a known switching time falls on this instant.
     pub switched: bool,
-    /// The instant is the start of the run: the record is a decision about the first mode.
+    /// True if the instant is the start of the run: the record is a decision about the first mode.
     pub start: bool,
-    /// The guards touched zero and did not cross: no mode changed.
+    /// True if the guards touched zero without crossing: the mode is the same.
     pub graze: bool,
-    /// The record ends an impact sequence at its accumulation point.
+    /// Accumulation point, if the record ends an impact sequence.
     pub accumulation: Option<Accumulation>,
-    /// Largest displacement by which the state was moved onto a guard, in the guard's units.
+    /// Largest displacement by which the state was moved onto a guard, in units of the guard.
     pub projected: f64,
 }
 
 impl EventRecord {
-    /// The jump it tells of.
+    /// Returns the recorded change as one transition.
     #[must_use]
     pub fn transition(&self) -> Transition<'_> {
         Transition {

@@ -1,9 +1,9 @@
-//! A periodic curve that is given by points: straight lines or a series of harmonics through them.
+//! A periodic curve given by points: straight lines or a series of harmonics through them.
 //!
-//! Places are fractions x of the period. A series is `y = c₀ + Σ_k a_k cos(2πk x + φ_k)`, with `a_k e^{iφ_k} = 2 c_k`. Points that are equally
-//! far apart have the coefficients of the discrete Fourier transform. Those of other points are the exact integrals `c_k = ∫ y e^{−2πikx} dx` of
-//! the lines, or of the periodic cubic spline, through them: a function whose derivative of order m jumps by J at the places x has
-//! `c_k = Σ J e^{−2πikx} / (2πik)^{m+1}`.
+//! Places are fractions x of the period. A series is `y = c₀ + Σ_k a_k cos(2πk x + φ_k)`, with `a_k e^{iφ_k} = 2 c_k`. Equally spaced
+//! points have the coefficients of the discrete Fourier transform. Those of other points are the exact integrals `c_k = ∫ y e^{−2πikx} dx`
+//! of the lines, or of the periodic cubic spline, through them. A function whose derivative of order m jumps by J at the places x has `c_k
+//! = Σ J e^{−2πikx} / (2πik)^{m+1}`.
 
 use std::f64::consts::TAU;
 
@@ -11,11 +11,11 @@ use rustfft::{FftPlanner, num_complex::Complex};
 
 use super::{MeshHarmonic, Piece};
 
-/// Harmonics smaller than this, relative to the largest one, are rounding.
+/// Size of a harmonic relative to the largest one, below which it is rounding.
 const ROUNDING: f64 = 1e-12;
-/// Harmonics that are taken where the user names no number.
+/// Number of harmonics without a choice of the user.
 const USUAL: usize = 512;
-/// Distances of places that count as equal, relative.
+/// Relative difference of distances of places that count as equal.
 const EVEN: f64 = 1e-9;
 
 /// Points of a curve over its period.
@@ -81,7 +81,7 @@ impl Curve {
         (0..self.count()).map(|i| self.width(i) * 0.5 * (self.values[i] + self.values[self.next(i)])).sum()
     }
 
-    /// The straight lines through the points, for a period in s. Lines of no change are joined.
+    /// Straight lines through the points, for a period in s. Consecutive constant lines of one value are merged.
     #[must_use]
     pub fn pieces(&self, period: f64) -> Vec<Piece> {
         let slope = |i: usize| (self.values[self.next(i)] - self.values[i]) / (self.width(i) * period);
@@ -91,7 +91,7 @@ impl Curve {
         pieces
     }
 
-    /// The series of its first `most` harmonics; as many as there are points for if none are named.
+    /// Series of the first `most` harmonics; without `most`, as many as the points determine.
     #[must_use]
     pub fn series(&self, most: Option<usize>, through: Through) -> Series {
         let (n, largest) = (self.count(), self.count() / 2);
@@ -174,11 +174,11 @@ impl Curve {
         let right: Vec<f64> = (0..n).map(|i| 6.0 * (rise(i) - rise((i + n - 1) % n))).collect();
         let (before, after) = (|i: usize| self.width((i + n - 1) % n), |i: usize| self.width(i));
         if n == 2 {
-            // Both neighbours of a point are the other one, and the curvatures are opposite.
+            // Both neighbours of a point are the same point, and the curvatures are opposite.
             let m = right[0] / (before(0) + after(0));
             return vec![m, -m];
         }
-        // The corners of the matrix as one more column, after Sherman and Morrison.
+        // Corners of the matrix as one more column, after Sherman and Morrison.
         let corner = before(0);
         let gamma = -2.0 * (before(0) + after(0));
         let mut diagonal: Vec<f64> = (0..n).map(|i| 2.0 * (before(i) + after(i))).collect();

@@ -101,7 +101,7 @@ impl Gear {
     }
 }
 
-/// How two gears mesh.
+/// Kind of a mesh of two gears.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshKind {
     /// Two external gears.
@@ -112,8 +112,8 @@ pub enum MeshKind {
 
 /// Path of contact of a tooth pair, in base pitches about the pitch point: each transverse section is in contact for `−A ≤ τ ≤ R`.
 ///
-/// The clock τ is that of the section in the middle of the face width. Helical teeth meet at the first end of the face width
-/// `ε_β/2` earlier and leave at the other end as much later.
+/// The clock τ is that of the section in the middle of the face width. Helical teeth come into contact `ε_β/2` earlier at the first end of
+/// the face width, and leave contact as much later at the other end.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathOfContact {
     /// Approach A (limited by the driven gear's tip), base pitches, ≥ 0.
@@ -132,7 +132,7 @@ impl PathOfContact {
     }
 }
 
-/// Why a pair of gears cannot mesh.
+/// Reason for which a pair of gears cannot mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum GeometryError {
     /// The profile shifts leave no positive working pressure angle.
@@ -161,7 +161,7 @@ pub enum GeometryError {
         radius: f64,
         /// `approach` or `recess`.
         part: &'static str,
-        /// Its length on the line of action, m.
+        /// Length of this part on the line of action, m.
         length: f64,
         /// Longest possible, m.
         limit: f64,
@@ -266,7 +266,7 @@ impl MeshGeometry {
         Ok(Self { kind, pressure_angle, base_helix, centre_distance, base_pitch, base_radii, tip_radii, path })
     }
 
-    /// The same mesh with the wheel driving: approach and recess change places.
+    /// Returns the same mesh with the wheel driving: approach and recess are exchanged.
     #[must_use]
     pub fn reversed(mut self) -> Self {
         std::mem::swap(&mut self.path.approach, &mut self.path.recess);

@@ -1,4 +1,4 @@
-//! One gear mesh: geometry, phase, stiffness, error, contact laws. Knows nothing of trains or solvers.
+//! One gear mesh: geometry, phase, stiffness, error, contact laws. The module is independent of trains and solvers.
 
 pub mod contact;
 mod curve;

@@ -1,4 +1,4 @@
-//! Mesh phases of a planetary stage and where its planets can be assembled.
+//! Mesh phases of a planetary stage, and the positions at which its planets can be assembled.
 //!
 //! The clock of a mesh is `τ = f_m t + γ`, zero at pitch-point contact. The sun turns counter-clockwise; planet n
 //! sits at ψ_n (Parker & Lin, J. Mech. Des. 126, 2004, with the phase's sign reversed).
@@ -19,7 +19,7 @@ pub fn ring_phases(ring_teeth: u32, positions: &[f64], sun_to_ring: f64) -> Vec<
     positions.iter().map(|psi| fraction(f64::from(ring_teeth) * psi / TAU - sun_to_ring)).collect()
 }
 
-/// Phase between the two meshes of one planet, with s_p its tooth thickness on the reference circle and α_ws, α_wr the working pressure angles:
+/// Phase between the meshes of one planet, with s_p its tooth thickness on the reference circle and working pressure angles α_ws, α_wr:
 ///
 /// ```text
 /// γ_rs = frac(Z_p/2 − s_p/(π m_t) + Z_p (inv α_ws + inv α_wr − 2 inv α_t)/2π),
@@ -28,7 +28,7 @@ pub fn ring_phases(ring_teeth: u32, positions: &[f64], sun_to_ring: f64) -> Vec<
 #[must_use]
 pub fn sun_to_ring_phase(rack: &BasicRack, sun: Gear, planet: Gear, ring: Gear) -> f64 {
     let teeth = f64::from(planet.teeth);
-    // The tooth is as thick there as the involutes make it that lead from the reference circle to the working ones.
+    // The tooth thickness there follows from the involutes between the reference circle and the working circles.
     let involutes = (sun.shift + planet.shift) / (f64::from(sun.teeth) + teeth)
         + (ring.shift - planet.shift) / (f64::from(ring.teeth) - teeth);
     let turned = teeth * 2.0 * libm::tan(rack.pressure_angle) * involutes / TAU;
@@ -41,14 +41,13 @@ pub fn equally_spaced(count: usize) -> Vec<f64> {
     (0..count).map(|i| TAU * i as f64 / count as f64).collect()
 }
 
-/// Smallest angle between positions at which planets can be put in, `2π/(Z_s + Z_r)`, rad.
+/// Smallest angle between positions at which planets can be assembled, `2π/(Z_s + Z_r)`, rad.
 #[must_use]
 pub fn assembly_pitch(sun_teeth: u32, ring_teeth: u32) -> f64 {
     TAU / f64::from(sun_teeth + ring_teeth)
 }
 
-/// The assemblable positions nearest to the wanted ones: whole multiples of the assembly pitch from the first
-/// planet, which stays. Rad.
+/// Assemblable positions nearest to the desired ones, rad: whole multiples of the assembly pitch from the first planet, which stays.
 #[must_use]
 pub fn nearest_assemblable(sun_teeth: u32, ring_teeth: u32, positions: &[f64]) -> Vec<f64> {
     let pitch = assembly_pitch(sun_teeth, ring_teeth);
@@ -56,7 +55,7 @@ pub fn nearest_assemblable(sun_teeth: u32, ring_teeth: u32, positions: &[f64]) -
     positions.iter().map(|psi| first + ((psi - first) / pitch).round() * pitch).collect()
 }
 
-/// Whether every planet sits at an assemblable position, to `tolerance` rad.
+/// Returns whether every planet sits at an assemblable position, to `tolerance` rad.
 ///
 /// For N equally spaced planets this is the condition that `(Z_s + Z_r)/N` is whole.
 #[must_use]

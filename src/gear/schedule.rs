@@ -1,18 +1,18 @@
-//! Mesh stiffness in the mesh's own clock `τ = t/T + γ`, before a speed gives it a period.
+//! Mesh stiffness in the clock of the mesh `τ = t/T + γ`, before a speed gives it a period.
 //!
 //! The tooth pair n is in contact while `−A ≤ τ + n ≤ R` (approach A and recess R in base pitches, τ = 0 at
 //! pitch-point contact). Equal stiffness of every pair gives `k = k̄ · (number of pairs)/ε`, whose mean is
 //! k̄ since the number of pairs has the mean ε = A + R.
 //!
-//! Helical teeth have an overlap ratio ε_β. Their stiffness is in proportion to the length of the lines of contact. A pair has at
-//! `φ = τ + A + ε_β/2`, in base pitches since its first contact, the length `b/(ε_β cos β_b) · min(φ, ε, ε_β, ε + ε_β − φ)`. The sum
-//! over all pairs has the mean `ε b/cos β_b`, and is constant where ε or ε_β is whole.
+//! Helical teeth have an overlap ratio ε_β. Their stiffness is proportional to the length of the lines of contact. With `φ = τ + A +
+//! ε_β/2`, in base pitches since the first contact of a pair, its line has the length `b/(ε_β cos β_b) · min(φ, ε, ε_β, ε + ε_β − φ)`. The
+//! sum over all pairs has the mean `ε b/cos β_b`, and is constant where ε or ε_β is whole.
 
 use std::f64::consts::PI;
 
 use super::{Curve, MeshHarmonic, PathOfContact, Piece, Stiffness};
 
-/// How the number of tooth pairs in contact becomes a stiffness.
+/// Function from the number of tooth pairs in contact to a stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Waveform {
     /// Spur pairs enter and leave at once: two levels. Helical pairs follow the length of their line of contact.
@@ -22,14 +22,14 @@ pub enum Waveform {
         /// Half width of a ramp, fraction of the mesh period, `(0, ε/2]`.
         ramp: f64,
     },
-    /// The rectangular wave's Fourier series, cut off.
+    /// Truncated Fourier series of the rectangular wave.
     Fourier {
-        /// Harmonics kept, ≥ 1.
+        /// Number of harmonics, ≥ 1.
         harmonics: u32,
     },
 }
 
-/// A mesh stiffness in the mesh's own clock.
+/// A mesh stiffness in the clock of the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeshStiffness {
     /// `k = k̄`, N/m (N/mⁿ for a power law).
@@ -54,7 +54,7 @@ pub enum MeshStiffness {
     Lines {
         /// The curve, N/m.
         curve: Curve,
-        /// Mesh periods that it covers, ≥ 1: a table of one turn of a gear has as many as the gear has teeth.
+        /// Number of mesh periods of the curve, ≥ 1: a table of one turn of a gear has as many as the gear has teeth.
         periods: u32,
     },
     /// From the number of tooth pairs in contact, `k = k̄ (1 − s) + s k̄ (pairs)/ε`.
@@ -81,7 +81,7 @@ impl MeshStiffness {
         }
     }
 
-    /// Whether it varies in time (and so needs a mesh period).
+    /// Returns whether the stiffness varies in time (and so needs a mesh period).
     #[must_use]
     pub fn varies(&self) -> bool {
         match self {
@@ -93,7 +93,7 @@ impl MeshStiffness {
         }
     }
 
-    /// The first value out of its range: its name, the value, the range.
+    /// Returns the first value out of its range: its name, the value, the range.
     #[must_use]
     pub fn fault(&self) -> Option<(&'static str, f64, &'static str)> {
         let mean = ("mean stiffness", self.mean(), self.mean() >= 0.0, ">= 0");
@@ -230,7 +230,7 @@ impl Stiffness {
     }
 }
 
-/// The origin `x`, periods, brought into `(−1, 0]`, so that a run that starts at t = 0 is inside the first period.
+/// Shifts the origin `x`, periods, into `(−1, 0]`, so that a run that starts at t = 0 is inside the first period.
 fn past_origin(x: f64) -> f64 {
     let fraction = x.rem_euclid(1.0);
     if fraction == 0.0 { 0.0 } else { fraction - 1.0 }

@@ -5,7 +5,7 @@ use super::Harmonic;
 /// One piece of a periodic schedule: from `start` on, `k(t) = value + slope · (t − t_start)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
-    /// Where the piece starts, fraction of the period after the origin, `[0, 1)`.
+    /// Start of the piece, fraction of the period after the origin, `[0, 1)`.
     pub start: f64,
     /// Stiffness at the start, N/m.
     pub value: f64,
@@ -25,20 +25,19 @@ pub enum Stiffness {
         /// Harmonics, amplitudes relative to the mean.
         harmonics: Vec<Harmonic>,
     },
-    /// Pieces that repeat: rectangular (slopes zero) or trapezoidal. At most 8192 pieces; their starts
-    /// are known switching times.
+    /// Repeating pieces: rectangular (slopes zero) or trapezoidal. At most 8192 pieces; their starts are known switching times.
     Periodic {
         /// Period, s.
         period: f64,
         /// Time at which the first period starts, s.
         origin: f64,
-        /// Pieces in rising order of their starts; the last one runs on to the next period's first.
+        /// Pieces in rising order of their starts; the last one extends to the first of the next period.
         pieces: Vec<Piece>,
     },
     /// Pieces between listed times, once.
     Listed {
-        /// Switching times, s, strictly rising: each a double and the remainder to the time, at most half a unit in the
-        /// last place of it.
+        /// Switching times, s, strictly rising. Each is a double and the remainder to the time, at most half a unit in the last place of
+        /// the double.
         times: Vec<[f64; 2]>,
         /// Value before the first time, and at each time.
         values: Vec<f64>,
@@ -83,7 +82,7 @@ impl Stiffness {
             }
             Self::Periodic { period, origin, pieces } => {
                 let turn = ((t - origin) / period).rem_euclid(1.0);
-                // Before the first piece the last one of the period before runs on.
+                // Before the first piece, the last piece of the previous period continues.
                 let piece = pieces.iter().rev().find(|piece| piece.start <= turn).or(pieces.last());
                 piece.map_or(0.0, |piece| piece.value + piece.slope * (turn - piece.start).rem_euclid(1.0) * period)
             }
@@ -94,7 +93,7 @@ impl Stiffness {
         }
     }
 
-    /// Time average over a period; the middle between the least and the largest value at listed times.
+    /// Time average over a period; for listed times the middle between the least and the largest value.
     #[must_use]
     pub fn mean(&self) -> f64 {
         match self {
@@ -131,7 +130,7 @@ impl Stiffness {
         Self::Listed { times, slopes: vec![0.0; values.len()], values }
     }
 
-    /// The same schedule with every stiffness `factor` times as large.
+    /// Returns the schedule with every stiffness multiplied by `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         match self {

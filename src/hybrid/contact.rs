@@ -23,13 +23,13 @@ pub enum ContactMode {
 use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
 
 impl ContactMode {
-    /// Whether the contact carries force.
+    /// Returns whether the contact carries force.
     #[must_use]
     pub fn is_closed(self) -> bool {
         matches!(self, Drive | Back)
     }
 
-    /// +1 on the drive flank's side, −1 on the back flank's, 0 between.
+    /// Returns +1 on the side of the drive flank, −1 on that of the back flank, 0 between.
     #[must_use]
     pub fn side(self) -> f64 {
         match self {
@@ -39,7 +39,7 @@ impl ContactMode {
         }
     }
 
-    /// The state with the flanks exchanged.
+    /// Returns the state with the flanks exchanged.
     #[must_use]
     pub fn turned(self) -> Self {
         match self {
@@ -51,7 +51,7 @@ impl ContactMode {
         }
     }
 
-    /// The word used in logs.
+    /// Returns the word used in logs.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -64,7 +64,7 @@ impl ContactMode {
     }
 }
 
-/// What a guard of a contact watches.
+/// Quantity that a guard of a contact watches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Watch {
     /// The drive flank, `δ = b`.
@@ -76,7 +76,7 @@ pub enum Watch {
 }
 
 impl Watch {
-    /// +1 for the drive flank, −1 for the back flank, 0 for the force.
+    /// Returns +1 for the drive flank, −1 for the back flank, 0 for the force.
     #[must_use]
     pub fn side(self) -> f64 {
         match self {
@@ -87,35 +87,35 @@ impl Watch {
     }
 }
 
-/// A system seen through its contacts: what logs and measures ask.
+/// A system seen through its contacts, for logs and measures.
 ///
 /// Deflections `δ` are compression positive, forces `F` act along the contact's direction: positive on the drive
 /// flank, negative on the back flank.
 pub trait ContactView {
-    /// Number of contacts.
+    /// Returns the number of contacts.
     fn contact_count(&self) -> usize;
-    /// Name of contact `j`.
+    /// Returns the name of contact `j`.
     fn contact_name(&self, j: usize) -> &str;
-    /// State of contact `j` in `mode`.
+    /// Returns the state of contact `j` in `mode`.
     fn contact_mode(&self, j: usize, mode: &Mode) -> ContactMode;
-    /// The contact a guard belongs to, and what it watches.
+    /// Returns the contact of a guard and the quantity that the guard watches.
     fn watch(&self, id: GuardId) -> (usize, Watch);
-    /// Whether contact `j` cannot be penetrated: its contacts are impacts or rest.
+    /// Returns whether contact `j` is rigid: it cannot be penetrated, only struck or at rest.
     fn is_rigid(&self, j: usize) -> bool;
-    /// Half the backlash b of contact `j`, m.
+    /// Returns half the backlash b of contact `j`, m.
     fn half_backlash(&self, j: usize) -> f64;
-    /// Share of the approach `speed`, m/s, that the law of contact `j` returns in a free impact, `[0, 1]`, where it is known.
+    /// Returns the share of the approach `speed`, m/s, that the law of contact `j` returns in a free impact, `[0, 1]`, if known.
     fn free_restitution(&self, j: usize, speed: f64) -> Option<f64>;
-    /// Deflection δ, m, and its rate, m/s, of contact `j`: by the error of the back flank where `side` is −1, else by that of the drive flank.
+    /// Returns δ, m, and its rate, m/s, of contact `j`; the error is that of the back flank if `side` is −1, else of the drive flank.
     fn deflection(&self, j: usize, side: f64, at: Instant, x: &[f64]) -> (f64, f64);
-    /// `gᵀq = δ + e` of contact `j`, m: of a mesh the dynamic transmission error.
+    /// Returns `gᵀq = δ + e` of contact `j`, m: the dynamic transmission error of a mesh.
     fn transmission(&self, j: usize, x: &[f64]) -> f64;
-    /// Force F of contact `j`, N; zero where it carries none.
+    /// Returns the force F of contact `j`, N; zero if it carries none.
     fn force(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64;
-    /// Energy stored in the spring of contact `j`, J.
+    /// Returns the energy stored in the spring of contact `j`, J.
     fn stored(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64;
-    /// Power lost in contact `j`, W.
+    /// Returns the power lost in contact `j`, W.
     fn dissipation(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64;
-    /// The impulses `P_j` along each direction that a jump applied, N s, into `out` `[contact_count]`.
+    /// Writes the impulses `P_j` that a jump applied along each direction, N s, into `out` `[contact_count]`.
     fn impulses(&self, transition: &Transition<'_>, out: &mut [f64]);
 }

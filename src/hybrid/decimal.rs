@@ -1,4 +1,4 @@
-//! Decimal digits of a [`Wide`], written exactly: its value is a whole number times a power of two. And read exactly.
+//! Exact conversion of a [`Wide`] to decimal digits and back: its value is a whole number times a power of two.
 
 use super::Wide;
 
@@ -71,8 +71,7 @@ fn split(a: &mut Big, bits: u32) -> Big {
 }
 
 impl Wide {
-    /// The number in decimal, rounded to `significant` digits (at least 1) from its exact value; trailing zeros
-    /// are left out.
+    /// Returns the number in decimal, rounded to `significant` digits (at least 1) from its exact value, without trailing zeros.
     ///
     /// Positional for magnitudes from 10⁻⁷ to 10²¹, with an exponent otherwise.
     #[must_use]
@@ -101,13 +100,13 @@ impl Wide {
 }
 
 impl Wide {
-    /// The number that `text` writes in decimal: digits with or without sign, point and exponent, any number of them.
+    /// Returns the number that `text` writes in decimal: digits with or without sign, point and exponent, any number of them.
     ///
-    /// `hi` is the double nearest to it, `lo` the double nearest to what is left. `None` for any other text, beyond the
-    /// range of a double, and for exponents beyond ±9999.
+    /// `hi` is the double nearest to the number, `lo` the double nearest to the remainder. `None` for any other text, beyond the range of a
+    /// double, and for exponents beyond ±9999.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
-        // What is left is a difference of two decimals; the standard library rounds either to the nearest double.
+        // The remainder is a difference of two decimals; the standard library rounds either to the nearest double.
         let numeric = text.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
         let hi = text.parse::<f64>().ok().filter(|hi| numeric && hi.is_finite())?;
         let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
@@ -144,7 +143,7 @@ impl Wide {
     }
 }
 
-/// The first `n` digits, rounded half up from the exact value, and the place of the point before them.
+/// Returns the first `n` digits, rounded half up from the exact value, and the place of the point before them.
 fn digits(w: Wide, n: usize) -> (String, i32) {
     let ((m, e), (ml, el)) = (parts(w.hi), parts(w.lo));
     let low = if ml == 0 { e } else { e.min(el) };

@@ -1,160 +1,160 @@
 use super::{GuardId, GuardSet, Instant, Mode, Wide};
 
-/// A step that ends this near to its bound, relative to its span, has reached it: the root of a clock's series is known to a few units in
-/// the last place.
+/// Distance to its bound, relative to its span, below which a step has reached the bound. The root of the series of a clock is known to a
+/// few units in the last place.
 pub(crate) const ARRIVED: f64 = 8.0 * f64::EPSILON;
 
 /// Truncation at full precision, relative to the size of the rates: half a unit in the last place.
 pub const FULL_PRECISION: f64 = 1e-16;
 
-/// Truncation of step number `count` of an arc that may leave out `tolerance`. Errors of velocities move the bodies for as long as an arc
-/// lasts; the squares keep their sum below 1.7 tolerances, however many steps there are.
+/// Truncation of step number `count` of an arc that may leave out `tolerance`. An error of velocity displaces the bodies until the end of
+/// the arc. The squares keep the sum below 1.7 tolerances for any number of steps.
 #[must_use]
 pub fn share_of(tolerance: f64, count: u32) -> f64 {
     let count = f64::from(count.max(1));
     FULL_PRECISION.max(tolerance / (count * count))
 }
 
-/// What a [`JetField`] is asked for.
+/// Start, span and accuracy of the step that a [`JetField`] expands.
 #[derive(Clone, Copy, Debug)]
 pub struct JetRequest<'a> {
-    /// Where.
+    /// Instant of the start.
     pub at: Instant,
-    /// State there, `[dim]`.
+    /// State at the start, `[dim]`.
     pub x: &'a [f64],
-    /// What the state is beyond the rounding of `x`, `[dim]`; empty: nothing.
+    /// Part of the state below the rounding of `x`, `[dim]`; empty for zero.
     pub low: &'a [f64],
     /// Guards known to be exactly zero at `at`.
     pub pinned: &'a GuardSet,
     /// Guards whose rate is known to be exactly zero as well.
     pub still: &'a GuardSet,
-    /// What [`JetField::carry`] kept from the step before, of the arc before too; empty if nothing.
+    /// Values that [`JetField::carry`] kept from the step before, also across arcs; empty if none.
     pub carried: &'a [f64],
-    /// Wanted span of the step, s: the field may return a shorter one.
+    /// Desired span of the step, s: the field may return a shorter one.
     pub span: f64,
-    /// Truncation wanted, relative to the size of each component: [`FULL_PRECISION`], or more on request.
+    /// Desired truncation, relative to the size of each component: [`FULL_PRECISION`], or more on request.
     pub tolerance: f64,
-    /// What the steps of the arc before have left out, as [`Jet::left_out`] tells it.
+    /// Truncation of the earlier steps of the arc, as in [`Jet::left_out`].
     pub left_out: [f64; 2],
 }
 
-/// What a run has made where a [`JetField`] is asked for a leap.
+/// Counts of a run at the request of a leap from a [`JetField`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Made {
-    /// Leaps of the arc.
+    /// Number of leaps of the arc.
     pub leaps: u32,
-    /// Arcs of the run: what takes long to form is worth its time after some hundred.
+    /// Number of arcs of the run: tables that take long to form are worth their time after some hundred.
     pub arcs: u64,
-    /// Arcs of the run in the mode.
+    /// Number of arcs of the run in the mode.
     pub here: u64,
-    /// Series lead the arc from here on, as they do for an observer of steps.
+    /// True if series continue the arc, as they do for an observer of steps.
     pub by_series: bool,
 }
 
-/// The smooth motion in one mode, which knows its own Taylor series.
+/// Smooth motion in one mode with a known Taylor series.
 #[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait JetField {
-    /// Expands the solution through `request.x`: fills `out` with the coefficients of state, clock and
-    /// guards in the step's own clock `θ`, and the largest `θ` up to which they hold to tolerance.
+    /// Expands the solution through `request.x`: fills `out` with the coefficients of state, clock and guards in the clock `θ` of the step.
+    /// The result includes the largest `θ` up to which the series hold to tolerance.
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet);
 
-    /// The way to the next event at once, into `leap`: to the one guard that falls, to the end of `request.span`, or as far as the field
-    /// knows it. `false` where it does not know, or where more than one guard may have to do with it: the series decide then.
+    /// Advances to the next event in one leap: to the one guard that falls, to the end of `request.span`, or as far as the field can.
+    /// Returns `false` if it cannot, or if several guards may fall: the series decide then.
     ///
-    /// `made` is what the run has made so far. Where `shown`, the steps are looked at, and nothing is won by leaping as they do.
+    /// `made` counts the work of the run. With `shown` an observer looks at steps, and a leap by series gains nothing.
     fn leap(&self, request: &JetRequest<'_>, made: Made, shown: bool, leap: &mut Leap) -> bool {
         false
     }
 
-    /// Puts the state at the end of a step back onto what the mode holds fixed, where rounding has moved it: contacts at rest.
+    /// Removes rounding from the state at the end of a step where the mode holds it fixed: contacts at rest.
     fn restore(&self, at: Instant, x: &mut [f64]) {}
 
-    /// Sizes of the terms whose sums are the value, the rate and the acceleration of guard `id` at the start of `step`, for a
-    /// state with components of the sizes in `x`.
+    /// Returns the sizes of the terms of value, rate and acceleration of guard `id` at the start of `step`. The components of the state
+    /// have the sizes in `x`.
     fn term_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         [0.0; 3]
     }
 
-    /// Keeps from `theta` on a step what the state alone holds with less precision, such as a penetration or a gap that is a
-    /// small difference of displacements. A jump that moves it says so by an exact zero. The arc `ends` there, or goes on.
+    /// Keeps values at `theta` on a step that the state alone holds less precisely. An example is a penetration or gap that is a small
+    /// difference of displacements. A jump that moves it sets an exact zero. The arc `ends` there, or continues.
     fn carry(&self, step: &Jet, theta: f64, ends: bool, carried: &mut Vec<f64>) {
         carried.clear();
     }
 
-    /// A quantity on `step` as a series in θ, into `series`, empty for zero. `false` where the field does not know it.
+    /// Writes a quantity on `step` as a series in θ into `series`, empty for zero. Returns `false` if the field does not know it.
     fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
         false
     }
 
-    /// A power on `step` at the places `thetas`. `false` where the field does not know it.
+    /// Writes a power on `step` at the places `thetas`. Returns `false` if the field does not know it.
     fn sample(&self, step: &Jet, what: Power, thetas: &Samples, values: &mut Samples) -> bool {
         false
     }
 }
 
-/// A guard's value and its error, in the guard's units, and the size of the terms it is the sum of.
+/// Value and error of a guard, in its units, with the size of the terms that are summed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Known {
-    /// Which.
+    /// Guard.
     pub guard: GuardId,
-    /// Its value.
+    /// Value of the guard.
     pub value: f64,
     /// Bound on its error.
     pub error: f64,
     /// Size of the terms.
     pub terms: f64,
-    /// At the start, its first three derivatives in time.
+    /// First three time derivatives; only at the start of a leap.
     pub derivatives: [f64; 3],
 }
 
-/// A guard falls through zero.
+/// Fall of a guard through zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage {
-    /// Which.
+    /// Guard that falls.
     pub guard: GuardId,
-    /// Its value at the place found.
+    /// Value of the guard at the computed root.
     pub residual: f64,
-    /// Its rate in time there, below zero.
+    /// Time derivative of the guard there, below zero.
     pub slope: f64,
-    /// Bound on the error of its value.
+    /// Bound on the error of the value.
     pub error: f64,
-    /// The size of its second derivative in time there, where the slope may be small beside it; else zero.
+    /// Size of the second time derivative there, if the slope may be small beside it; else zero.
     pub curvature: f64,
-    /// How many of its first derivatives are exactly zero at the start of the leap, its value the zeroth, and nothing that has gathered
-    /// before counts.
+    /// Number of the leading derivatives, from the value on, that are exactly zero at the start of the leap. No earlier rounding affects
+    /// them.
     pub zeros: usize,
 }
 
-/// What [`JetField::leap`] tells.
+/// Result of [`JetField::leap`].
 #[derive(Clone, Debug, Default)]
 pub struct Leap {
-    /// How far, s.
+    /// Duration of the leap, s.
     pub time: f64,
-    /// The state there, `[dim]`.
+    /// State at the end, `[dim]`.
     pub x: Vec<f64>,
-    /// The largest size of each component on the way, `[dim]`: an estimate.
+    /// Largest size of each component during the leap, `[dim]`: an estimate.
     pub sizes: Vec<f64>,
-    /// As of [`JetField::carry`].
+    /// Values kept as by [`JetField::carry`].
     pub carried: Vec<f64>,
-    /// The guards at the start.
+    /// Guards at the start.
     pub starts: Vec<Known>,
-    /// The guards at the end, where none falls there.
+    /// Guards at the end, if none falls there.
     pub ends: Vec<Known>,
-    /// The guard that falls at the end, if one does. No other is near zero on the way.
+    /// The guard that falls at the end, if any. No other guard comes near zero during the leap.
     pub passage: Option<Passage>,
-    /// Guards that are equal to it all the way, and fall with it.
+    /// Guards that equal the falling guard during the whole leap, and fall with it.
     pub twins: GuardSet,
-    /// The end is that of `request.span`.
+    /// True if the leap ends at the end of `request.span`.
     pub is_bound: bool,
-    /// It leads where the step at its start does, bit for bit.
+    /// True if the leap equals the step at its start, bit for bit.
     pub is_series: bool,
-    /// Subdivisions spent on the guards.
+    /// Number of subdivisions spent on the guards.
     pub splits: u64,
-    /// The series that it was read from, if it was.
+    /// Series from which the leap was read, if any.
     pub jet: Jet,
 }
 
-/// A quantity that measures ask of a step as a polynomial. Contacts by their number; units and signs as in
+/// A quantity that measures read from a step as a polynomial. Contacts are given by number; units and signs are those of
 /// [`ContactView`](super::ContactView) and [`Powers`](super::Powers).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
@@ -164,44 +164,44 @@ pub enum Shown {
     State(usize),
     /// Deflection δ, m.
     Deflection(usize),
-    /// `gᵀq = δ + e`, m: of a mesh the dynamic transmission error.
+    /// Dynamic transmission error `gᵀq = δ + e` of a contact, m.
     Transmission(usize),
-    /// The force carried, N.
+    /// Contact force, N.
     Force(usize),
-    /// Change of the force along g with the deflection, times the rate of the clock `dt/dθ`, N s/m.
+    /// Derivative of the force along g with respect to the deflection, times the rate of the clock `dt/dθ`, N s/m.
     ByDeflection(usize),
-    /// The same with the rate of the deflection, kg.
+    /// The same with respect to the rate of the deflection, kg.
     ByRate(usize),
-    /// The same with the latched speed, kg.
+    /// The same with respect to the latched speed, kg.
     ByLatch(usize),
 }
 
-/// A power that measures ask of a step, W. It is a product of series, and only its integral counts: so it is asked for at the places of a
-/// quadrature.
+/// A power that measures read from a step, W. It is a product of series, and only its integral is needed: it is evaluated at the places of
+/// a quadrature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Power {
-    /// Lost in one contact.
+    /// Power lost in one contact.
     Loss(usize),
-    /// Of the loads.
+    /// Power of the loads.
     Load,
-    /// Of the transmission errors.
+    /// Power of the transmission errors.
     Error,
-    /// Of stiffnesses that vary.
+    /// Power of time-varying stiffnesses.
     Parametric,
-    /// Lost in the structure's dampers.
+    /// Power lost in the dampers of the structure.
     Damping,
-    /// Lost in all contacts.
+    /// Power lost in all contacts.
     Contacts,
 }
 
-/// Places of a quadrature on a step. Gauss's rule with so many is exact to degree 31: where a series of order 24 holds to rounding, the terms
-/// of a product of three of them beyond that are below its square.
+/// Number of places of a quadrature on a step. Gauss's rule of this size is exact to degree 31. Series of order 24 hold to rounding, and
+/// the terms of a product of three beyond degree 31 are below its square.
 pub const SAMPLES: usize = 16;
 
-/// Values there.
+/// Values at these places.
 pub type Samples = [f64; SAMPLES];
 
-/// Whether all are finite. A finite number times zero is zero; NaN and the infinities are not.
+/// Returns whether all numbers are finite. A finite number times zero is zero; NaN and the infinities are not.
 fn are_finite(numbers: &[f64]) -> bool {
     let (eights, rest) = numbers.as_chunks::<8>();
     let mut sums = [0.0; 8];
@@ -229,9 +229,9 @@ pub trait VectorField {
 
 /// Taylor coefficients of one step.
 ///
-/// State and clock are series in the field's own variable `s`, `x = Σ x_k sᵏ`, and hold for `0 ≤ s ≤ reach`.
-/// The step's clock is `θ = s/reach ∈ [0, 1]`; the guards are series in θ. All series have `order + 1`
-/// coefficients. The buffers belong to the integrator and are reused.
+/// State and clock are series in the variable `s` of the field, `x = Σ x_k sᵏ`, and hold for `0 ≤ s ≤ reach`. The clock of the step is `θ =
+/// s/reach ∈ [0, 1]`; the guards are series in θ. All series have `order + 1` coefficients. The buffers belong to the integrator and are
+/// reused.
 #[derive(Clone, Debug, Default)]
 pub struct Jet {
     /// Highest power kept.
@@ -240,7 +240,7 @@ pub struct Jet {
     pub dim: usize,
     /// State coefficients, row `k` at `[k·dim, (k+1)·dim)`.
     pub state: Vec<f64>,
-    /// What the coefficients of the lowest orders are beyond the rounding of `state`, rows as there; empty where it is not kept.
+    /// Parts of the coefficients of the lowest orders below the rounding of `state`, in the same rows; empty if not kept.
     pub low: Vec<f64>,
     /// Elapsed time `t(s) − t0`, s, `[order + 1]`; empty when time is the clock and `t = s · span`.
     pub time: Vec<f64>,
@@ -252,34 +252,34 @@ pub struct Jet {
     pub guards: Vec<GuardId>,
     /// Guard coefficients in θ, row `i` at `[i·(order + 1), (i + 1)·(order + 1))`.
     pub guard_series: Vec<f64>,
-    /// For each guard, a bound on what the truncated tail adds on `[0, 1]`.
+    /// Bound on the truncated tail of each guard on `[0, 1]`.
     pub remainder: Vec<f64>,
-    /// For each guard, the rounding error of its value where it is computed from scratch.
+    /// Rounding error of the value of each guard if it is computed from scratch.
     pub rounding: Vec<f64>,
-    /// And where nothing is carried on from the step before.
+    /// Rounding error of the value of each guard if nothing is carried on from the step before.
     pub afresh: Vec<f64>,
-    /// In a clock of its own: for each guard its rate in time as a series in θ, rows as in `guard_series`.
+    /// For a clock other than time: rate of each guard in time as a series in θ, rows as in `guard_series`.
     pub guard_rates: Vec<f64>,
-    /// And the error of its value in its physical units; negative where there is no such row.
+    /// For a clock other than time: error of the value of each guard in its physical units; negative if there is no such row.
     pub guard_errors: Vec<f64>,
-    /// What the arc's steps have left out by the end of this one, of displacements and velocities over `1/√M_ii`; zero at full
-    /// precision, where it is less than rounding.
+    /// Truncation of the arc up to the end of this step, of displacements and velocities over `1/√M_ii`; zero at full precision, where it
+    /// is below rounding.
     pub left_out: [f64; 2],
-    /// The errors of the guards are estimates, no proven bounds.
+    /// True if the errors of the guards are estimates, not proven bounds.
     pub is_estimate: bool,
     /// Working space of the field.
     pub work: Vec<f64>,
 }
 
 impl Jet {
-    /// The series of guard `i` in θ, `[order + 1]`.
+    /// Returns the series of guard `i` in θ, `[order + 1]`.
     #[must_use]
     pub fn guard(&self, i: usize) -> &[f64] {
         let row = self.order + 1;
         &self.guard_series[i * row..(i + 1) * row]
     }
 
-    /// Rate in time of guard `i` at `θ` and the error of its value, in its physical units, if the field gives them.
+    /// Returns the rate in time of guard `i` at `θ` and the error of its value, in its physical units, if the field gives them.
     #[must_use]
     pub fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
         let error = *self.guard_errors.get(i).filter(|e| **e >= 0.0)?;
@@ -288,7 +288,7 @@ impl Jet {
         Some((rate, error))
     }
 
-    /// First three derivatives in time of guard `i` at the start, from its series of rates; `None` if it has none.
+    /// Returns the first three time derivatives of guard `i` at the start, from its series of rates; `None` if it has none.
     ///
     /// With `t = t_m s^m + …` the rate is `r = ġ + g̈ t + g⃛ t²/2 + …`, so `r_m = g̈ t_m` and
     /// `r_2m = g̈ t_2m + g⃛ t_m²/2`. A force that starts with the clock enters r only beyond t, as `t^(n+1)`.
@@ -304,7 +304,7 @@ impl Jet {
         Some([rates[0], curvature, 2.0 * (rates[2 * m] - curvature * second) / (first * first)])
     }
 
-    /// The state at `θ`, by Horner's rule, into `x` `[dim]`.
+    /// Evaluates the state at `θ`, by Horner's rule, into `x` `[dim]`.
     pub fn state_at(&self, theta: f64, x: &mut [f64]) {
         let (d, s) = (self.dim, theta * self.reach);
         // Four components side by side.
@@ -325,7 +325,7 @@ impl Jet {
         }
     }
 
-    /// The state at `θ` as `x + low`, each `[dim]`: the orders in `low` by Horner's rule with the rounding of every operation kept.
+    /// Evaluates the state at `θ` as `x + low`, each `[dim]`: Horner's rule, with all roundings kept for the orders in `low`.
     pub fn state_in_two(&self, theta: f64, x: &mut [f64], low: &mut [f64]) {
         low.fill(0.0);
         if self.low.is_empty() {
@@ -346,13 +346,13 @@ impl Jet {
         normalise(x, low);
     }
 
-    /// Whether all coefficients of the guards are finite.
+    /// Returns whether all coefficients of the guards are finite.
     #[must_use]
     pub fn has_finite_guards(&self) -> bool {
         are_finite(&self.guard_series[..(self.order + 1) * self.guards.len()])
     }
 
-    /// Elapsed time at `θ`, s.
+    /// Returns the elapsed time at `θ`, s.
     #[must_use]
     pub fn time_at(&self, theta: f64) -> f64 {
         let s = theta * self.reach;
@@ -363,13 +363,13 @@ impl Jet {
         }
     }
 
-    /// Elapsed time at `θ`, s: that at which [`state_in_two`](Self::state_in_two) holds.
+    /// Returns the elapsed time at `θ`, s, at which [`state_in_two`](Self::state_in_two) holds.
     #[must_use]
     pub fn time_in_two(&self, theta: f64) -> Wide {
         if self.low.is_empty() { self.time_at(theta).into() } else { Wide::product(theta * self.reach, self.span) }
     }
 
-    /// Rate of the clock, `dt/dθ`, s.
+    /// Returns the rate of the clock, `dt/dθ`, s.
     #[must_use]
     pub fn rate_at(&self, theta: f64) -> f64 {
         if self.time.is_empty() {

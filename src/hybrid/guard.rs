@@ -2,8 +2,8 @@ use std::ops::{BitAnd, BitOr, BitOrAssign, Sub};
 
 /// Names a guard of a hybrid system: a scalar function of time and state, watched in one mode.
 ///
-/// It is oriented: the interior of the mode is `g > 0`, and the guard fires where `g` falls through zero. What only
-/// watches is an observer, not a guard.
+/// The interior of the mode is `g > 0`, and the guard fires where `g` falls through zero. A quantity that is only watched belongs to an
+/// observer, not to a guard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GuardId(pub u16);
 
@@ -17,12 +17,12 @@ const BITS: u16 = 128;
 pub struct GuardSet {
     /// Bit mask of guards 0 to 127.
     first: u128,
-    /// Those of the others; the last one is not zero.
+    /// Bit masks of the other guards; the last one is not zero.
     rest: Vec<u128>,
 }
 
 impl GuardSet {
-    /// The empty set.
+    /// Returns the empty set.
     #[must_use]
     pub fn none() -> &'static Self {
         static NONE: GuardSet = GuardSet { first: 0, rest: Vec::new() };
@@ -52,27 +52,27 @@ impl GuardSet {
         }
     }
 
-    /// Whether the guard is in the set.
+    /// Returns whether the guard is in the set.
     #[must_use]
     #[inline]
     pub fn contains(&self, id: GuardId) -> bool {
         self.word(usize::from(id.0 / BITS)) >> (id.0 % BITS) & 1 == 1
     }
 
-    /// Whether the set is empty.
+    /// Returns whether the set is empty.
     #[must_use]
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.first == 0 && self.rest.is_empty()
     }
 
-    /// Number of guards in the set.
+    /// Returns the number of guards in the set.
     #[must_use]
     pub fn len(&self) -> usize {
         (0..=self.rest.len()).map(|i| self.word(i).count_ones() as usize).sum()
     }
 
-    /// The members in rising order.
+    /// Iterates over the members in rising order.
     pub fn iter(&self) -> impl Iterator<Item = GuardId> + Clone + '_ {
         let (mut at, mut word) = (0, self.first);
         std::iter::from_fn(move || {
@@ -91,7 +91,7 @@ impl GuardSet {
         if i == 0 { self.first } else { self.rest.get(i - 1).copied().unwrap_or(0) }
     }
 
-    /// Each word of `self` joined with that of `other`.
+    /// Combines each word of `self` with that of `other` by `join`.
     #[inline]
     fn zip(&self, other: &Self, join: impl Fn(u128, u128) -> u128) -> Self {
         let last = self.rest.len().max(other.rest.len());

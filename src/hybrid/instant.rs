@@ -7,7 +7,7 @@ use std::ops::{Add, Mul, Sub};
 
 /// A number as an unevaluated sum of two doubles, about 32 digits.
 ///
-/// Only what time keeping needs: sums, differences and products (Dekker 1971, Knuth 1969). Ordered by `hi`, then `lo`.
+/// It has only the sums, differences and products that time keeping needs (Dekker 1971, Knuth 1969). Ordered by `hi`, then `lo`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Wide {
     /// Leading part: the double nearest to the number.
@@ -16,14 +16,14 @@ pub struct Wide {
     pub lo: f64,
 }
 
-/// An angle clearly below half a turn: it is what it is modulo a turn.
+/// Bound of an angle clearly below half a turn, rad: such an angle needs no reduction.
 const HALF_TURN: f64 = 3.0;
 
-/// `2²⁷ + 1`: what splits a double into halves.
+/// `2²⁷ + 1`: factor that splits a double into halves.
 const SPLIT: f64 = 134_217_729.0;
 
 impl Wide {
-    /// The exact sum of two doubles.
+    /// Returns the exact sum of two doubles.
     #[must_use]
     pub fn sum(a: f64, b: f64) -> Self {
         let hi = a + b;
@@ -31,7 +31,7 @@ impl Wide {
         Self { hi, lo: (a - (hi - bb)) + (b - bb) }
     }
 
-    /// The exact product of two doubles.
+    /// Returns the exact product of two doubles.
     #[must_use]
     pub fn product(a: f64, b: f64) -> Self {
         let hi = a * b;
@@ -50,7 +50,7 @@ impl Wide {
         Self { hi, lo: if lo.is_finite() { lo } else { a.mul_add(b, -hi) } }
     }
 
-    /// `a / b` to about 31 digits.
+    /// Returns `a / b` to about 31 digits.
     #[must_use]
     pub fn quotient(a: Self, b: f64) -> Self {
         let q = a.hi / b;
@@ -61,7 +61,7 @@ impl Wide {
     /// Twice the circle constant.
     pub const TAU: Self = Self { hi: std::f64::consts::TAU, lo: 2.449_293_598_294_706_4e-16 };
 
-    /// As the sum with a [`Wide`] number that is a double.
+    /// Returns the sum with a double.
     #[must_use]
     #[inline]
     pub fn plus(self, b: f64) -> Self {
@@ -69,7 +69,7 @@ impl Wide {
         Self::sum(s.hi, s.lo + self.lo)
     }
 
-    /// The nearest double.
+    /// Returns the nearest double.
     #[must_use]
     pub fn value(self) -> f64 {
         self.hi + self.lo
@@ -115,10 +115,10 @@ impl Mul<f64> for Wide {
     }
 }
 
-/// A moment: forcing cycle `n`, and phase `τ` in `[0, T)`, s, with its rounding remainder.
+/// Instant of time: forcing cycle `n`, and phase `τ` in `[0, T)`, s, with its rounding remainder.
 ///
-/// Where a system has no period, `cycle` is 0 and the phase is the time itself. Of two moments as one
-/// [`Clock`] makes them, with the phase in its range, the later one is the larger.
+/// Without a period, `cycle` is 0 and the phase is the time itself. Of two instants from one [`Clock`], with the phase in its range, the
+/// later one is the larger.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Instant {
     /// Forcing cycle `n`.
@@ -135,7 +135,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A clock of base frequency `omega`, rad/s; `None` or a non-positive number for a system without a period.
+    /// Returns a clock of base frequency `omega`, rad/s; `None` or a non-positive number for a system without a period.
     #[must_use]
     pub fn new(omega: Option<f64>) -> Self {
         match omega {
@@ -144,37 +144,37 @@ impl Clock {
         }
     }
 
-    /// Base frequency, rad/s; 0 without a period.
+    /// Returns the base frequency, rad/s; 0 without a period.
     #[must_use]
     pub fn omega(&self) -> f64 {
         self.omega
     }
 
-    /// Base period `T = 2π/ω`, s.
+    /// Returns the base period `T = 2π/ω`, s.
     #[must_use]
     pub fn period(&self) -> Option<Wide> {
         (self.omega > 0.0).then_some(self.period)
     }
 
-    /// The instant at time `t`, s.
+    /// Returns the instant at time `t`, s.
     #[must_use]
     pub fn instant(&self, t: f64) -> Instant {
         self.normalised(Instant { cycle: 0, phase: t.into() })
     }
 
-    /// The instant at `phase` of cycle `cycle`.
+    /// Returns the instant at `phase`, s, of cycle `cycle`.
     #[must_use]
     pub fn at(&self, cycle: i64, phase: f64) -> Instant {
         self.normalised(Instant { cycle, phase: phase.into() })
     }
 
-    /// The instant `dt` seconds later (earlier if negative).
+    /// Returns the instant `dt` seconds later (earlier if negative).
     #[must_use]
     pub fn advance(&self, at: Instant, dt: impl Into<Wide>) -> Instant {
         self.normalised(Instant { cycle: at.cycle, phase: at.phase + dt.into() })
     }
 
-    /// As [`advance`](Self::advance), by a double, in place.
+    /// Advances `at` in place by a double, as [`advance`](Self::advance).
     #[inline]
     pub fn pass(&self, at: &mut Instant, dt: f64) {
         at.phase = at.phase.plus(dt);
@@ -183,7 +183,7 @@ impl Clock {
         }
     }
 
-    /// As [`between`](Self::between), to a few units in the last place of the times.
+    /// Returns `later − earlier`, s, as [`between`](Self::between), to a few units in the last place of the times.
     #[must_use]
     #[inline]
     pub fn roughly(&self, earlier: Instant, later: Instant) -> f64 {
@@ -195,13 +195,13 @@ impl Clock {
         if self.is_normal(at.phase) { at } else { self.carried(at) }
     }
 
-    /// Whether a phase is in [0, T) as it is, and clear of both ends. Most often it is.
+    /// Returns whether a phase is in [0, T) and clear of both ends, the usual case.
     #[inline]
     fn is_normal(&self, phase: Wide) -> bool {
         phase.hi > 0.0 && phase.hi < self.period.hi * (1.0 - f64::EPSILON)
     }
 
-    /// Puts a phase that has left [0, T), or is at its ends, into it.
+    /// Moves a phase outside [0, T), or at its ends, into the range.
     fn carried(&self, mut at: Instant) -> Instant {
         if self.omega > 0.0 {
             let t = self.period;
@@ -225,7 +225,7 @@ impl Clock {
         at
     }
 
-    /// Time `t = n T + τ`, s, to 32 digits.
+    /// Returns the time `t = n T + τ`, s, to 32 digits.
     #[must_use]
     pub fn time(&self, at: Instant) -> Wide {
         if at.cycle == 0 {
@@ -235,19 +235,19 @@ impl Clock {
         self.period * at.cycle as f64 + at.phase
     }
 
-    /// `later − earlier`, s, rounded once.
+    /// Returns `later − earlier`, s, rounded once.
     #[must_use]
     pub fn between(&self, earlier: Instant, later: Instant) -> f64 {
         let phases = later.phase - earlier.phase;
         match later.cycle - earlier.cycle {
             0 => phases.value(),
-            // A product by one is the period itself, and a run to the end of its cycle asks for nothing else.
+            // A product by one is the period itself, and runs to the end of a cycle need no other case.
             1 => (self.period + phases).value(),
             cycles => (self.period * cycles as f64 + phases).value(),
         }
     }
 
-    /// The angle `ω t` modulo a turn for an oscillator of frequency `omega`, rad.
+    /// Returns the angle `ω t` modulo a turn for an oscillator of frequency `omega`, rad.
     ///
     /// `order` is `Some(h)` where `ω = h ω₀`: the cycle number then drops out, and the angle depends on the phase alone.
     #[must_use]
@@ -265,8 +265,8 @@ impl Clock {
         (a - Wide::TAU * turns).value()
     }
 
-    /// Sine and cosine of [`angle`](Self::angle). In the period of an oscillator of the clock the part of the angle beyond a double turns
-    /// them, and no turn is taken off.
+    /// Returns sine and cosine of [`angle`](Self::angle). For an oscillator with the period of the clock, no turn is subtracted. The part
+    /// of the angle below the rounding of a double turns sine and cosine.
     #[must_use]
     #[inline]
     pub fn sincos(&self, omega: f64, order: Option<u32>, at: Instant) -> (f64, f64) {

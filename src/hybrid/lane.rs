@@ -1,88 +1,88 @@
 use super::{GuardId, Instant, Jump, Mode};
 
-/// What may follow an impact: the guard that fell, and the motion after it.
+/// Guard of an impact and the motion after it.
 #[derive(Clone, Copy, Debug)]
 pub struct Rebound {
-    /// When.
+    /// Instant of the impact.
     pub at: Instant,
     /// The guard of the impact.
     pub guard: GuardId,
-    /// Its first three derivatives in time after it.
+    /// First three time derivatives of the guard after the impact.
     pub derivatives: [f64; 3],
-    /// Rounding of its value, formed from the state alone.
+    /// Rounding of the value of the guard, formed from the state alone.
     pub rounding: f64,
-    /// How long the motion goes on as it is, s, if nothing happens.
+    /// Longest remaining duration of the motion in its mode, s.
     pub left: f64,
 }
 
-/// What a [`Lane`] asks on its way.
+/// Host of a [`Lane`], which decides for it.
 pub trait LaneHost {
-    /// Whether `mode` is left to its exact flow.
+    /// Returns whether the exact flow of `mode` may be used.
     fn is_exact(&mut self, mode: &Mode) -> bool;
 
-    /// An impact is over, and its rebound known. Whether the sequence that it belongs to ends with it.
+    /// Receives the rebound of an impact. Returns whether the impact sequence ends with it.
     fn ends(&mut self, rebound: &Rebound) -> bool;
 }
 
-/// Where a [`Lane`] starts, and where it has led to.
+/// Start of a [`Lane`], which overwrites it with its end.
 #[derive(Debug)]
 pub struct LanePoint<'a> {
-    /// When.
+    /// Instant.
     pub at: &'a mut Instant,
     /// State, `[dim]`.
     pub x: &'a mut [f64],
     /// Mode and exact zeros.
     pub jump: &'a mut Jump,
-    /// As of [`JetField::carry`](super::JetField::carry).
+    /// Values kept as by [`JetField::carry`](super::JetField::carry).
     pub carried: &'a mut Vec<f64>,
-    /// Arcs that the run has made.
+    /// Number of arcs that the run has made.
     pub arcs: u64,
-    /// The guard of an impact there, of which the rebound is not known yet.
+    /// The guard of an impact at the start, if its rebound has not been reported yet.
     pub impact: Option<GuardId>,
 }
 
-/// The most that a [`Lane`] may do.
+/// Limits of the work of a [`Lane`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
-    /// Events.
+    /// Number of events.
     pub events: u64,
-    /// Leaps.
+    /// Number of leaps.
     pub steps: u64,
 }
 
-/// What a [`Lane`] has done.
+/// Work done by a [`Lane`], and its end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lap {
-    /// Leaps.
+    /// Number of leaps.
     pub steps: u64,
-    /// Smooth arcs.
+    /// Number of smooth arcs.
     pub arcs: u64,
-    /// Events, each of one guard.
+    /// Number of events, each of one guard.
     pub events: u64,
-    /// Known switching times passed.
+    /// Number of known switching times passed.
     pub switches: u64,
-    /// What has happened at the instant where it started is complete, and the host has been told of its rebound: so a lap that has come no
-    /// farther is none that has done nothing.
+    /// True if the instant at the start is complete and the host has received its rebound. It distinguishes a lap without progress beyond
+    /// that from a lap that did nothing.
     pub closes: bool,
-    /// Where it ends.
+    /// Kind of its end.
     pub end: LapEnd,
 }
 
-/// Where a [`Lane`] ends.
+/// Kind of the end of a [`Lane`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LapEnd {
-    /// Where it could not decide what comes next: at the start of that arc, of which nothing is done. What has happened there is done, and
-    /// belongs on record. Unless the start is closed all is as it was.
+    /// Start of an arc whose end the lane could not decide, and of which nothing is done. The instant there is complete and has to be
+    /// recorded. Without progress and without `closes`, nothing has changed.
     #[default]
     Undecided,
-    /// At its bound.
+    /// The bound of the lane.
     Bound,
-    /// After an impact with which its sequence ends.
+    /// An impact with which its sequence ends.
     Sequence,
 }
 
-/// A motion from event to event of which nobody looks at more than where it leads. It has the bits that it has where it is looked at.
+/// A motion from event to event without observers. It has the same bits as the motion under observation.
 pub trait Lane {
-    /// Goes on from `point` up to `bound`, within its `budget`, as far as it can decide what comes.
+    /// Advances from `point` up to `bound`, within its `budget`, until it cannot decide the next event.
     fn run(&mut self, point: LanePoint<'_>, bound: Instant, budget: Budget, host: &mut dyn LaneHost) -> Lap;
 }

@@ -1,6 +1,6 @@
-//! The vocabulary of a hybrid automaton: modes, guards, flows, instants. No algorithm lives here.
+//! Terms of a hybrid automaton: modes, guards, flows, instants. This module contains no algorithm.
 //!
-//! The meaning of every word is fixed in `docs/EVENTS.md`.
+//! `docs/EVENTS.md` defines the terms.
 
 mod contact;
 mod decimal;

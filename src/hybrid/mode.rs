@@ -1,9 +1,9 @@
 use std::{cmp::Ordering, fmt};
 
-/// Elements of a [`Mode`] that need no allocation.
+/// Number of elements of a [`Mode`] that need no allocation.
 const FIRST: usize = 16;
 
-/// The discrete state of a hybrid system: a number for each of its elements, which only the system itself reads.
+/// The discrete state of a hybrid system: a number for each of its elements, with a meaning known only to the system.
 ///
 /// Modes are equal if all numbers are; numbers that were never set are zero. Sixteen elements below 256 need no allocation.
 #[derive(Debug, Default, PartialEq, Eq, Hash)]
@@ -11,12 +11,12 @@ pub struct Mode {
     first: [u8; FIRST],
     /// The numbers of the other elements; the last one is not zero.
     rest: Vec<u8>,
-    /// The numbers of all elements over 256; the last one is not zero.
+    /// High bytes of the numbers of all elements; the last one is not zero.
     high: Vec<u8>,
 }
 
 impl Mode {
-    /// The number of element `i`.
+    /// Returns the number of element `i`.
     #[must_use]
     #[inline]
     pub fn get(&self, i: usize) -> u16 {
@@ -38,7 +38,7 @@ impl Mode {
         }
     }
 
-    /// The mode with `number` for element `i`.
+    /// Returns the mode with `number` for element `i`.
     #[must_use]
     pub fn with(mut self, i: usize, number: u16) -> Self {
         self.set(i, number);
@@ -46,7 +46,7 @@ impl Mode {
     }
 }
 
-/// Puts a byte in its place, of bytes the last of which is not zero.
+/// Stores a byte in a vector whose last byte is never zero.
 fn put(bytes: &mut Vec<u8>, i: usize, byte: u8) {
     bytes.resize(bytes.len().max(i + 1), 0);
     bytes[i] = byte;
@@ -62,7 +62,7 @@ impl Clone for Mode {
     }
 }
 
-/// The numbers of the elements, the last one first, two hexadecimal digits each; before them, and a dash, those over 256 if there are any.
+/// Writes the low bytes of the elements, last one first, two hexadecimal digits each. High bytes, if any, come before them with a dash.
 impl fmt::Display for Mode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.high.is_empty() {
@@ -79,7 +79,7 @@ impl fmt::Display for Mode {
     }
 }
 
-/// A total order without a meaning.
+/// Total order without a meaning.
 impl Ord for Mode {
     fn cmp(&self, other: &Self) -> Ordering {
         let order = |a: &[u8], b: &[u8]| a.len().cmp(&b.len()).then_with(|| a.iter().rev().cmp(b.iter().rev()));

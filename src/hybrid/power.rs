@@ -1,13 +1,13 @@
 use super::{GuardSet, Instant, Mode};
 
-/// Rates at which energy enters and leaves a system, W. Each is signed as its name says.
+/// Rates at which energy enters and leaves a system, W, with the signs of their names.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Powers {
-    /// Work of the outside loads on the structure.
+    /// Work of the external loads on the structure.
     pub load: f64,
     /// Work of the transmission error against the contact forces, `−Σ F ė`: energy put in.
     pub error: f64,
-    /// Change of stored energy by a stiffness that varies in time, `½ k̇ δ²`.
+    /// Change of stored energy by a time-varying stiffness, `½ k̇ δ²`.
     pub parametric: f64,
     /// Dissipation in the structure's dampers, not negative for a passive structure.
     pub damping: f64,
@@ -15,10 +15,10 @@ pub struct Powers {
     pub contact: f64,
 }
 
-/// A jump: what was before and what is after it.
+/// A jump with mode and state before and after it.
 #[derive(Clone, Copy, Debug)]
 pub struct Transition<'a> {
-    /// When.
+    /// Instant of the jump.
     pub at: Instant,
     /// The guards that fired.
     pub fired: &'a GuardSet,
@@ -32,28 +32,28 @@ pub struct Transition<'a> {
     pub x_plus: &'a [f64],
 }
 
-/// What an instant changes in the energy of a system, J. The sum of all parts is the whole change,
-/// `ΔE = parametric + error − release − impact + projection`.
+/// Changes of the energy of a system at one instant, J. Their sum is the whole change, `ΔE = parametric + error − release − impact +
+/// projection`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyJump {
     /// Work of stiffness switches, `½ Δk p²` (under deflected contacts).
     pub parametric: f64,
     /// Work of moving flanks during impacts, `−Σ P ė`.
     pub error: f64,
-    /// Stored energy dropped where a contact lets go while still deflected (negative where it takes hold again).
+    /// Stored energy lost where a contact detaches while still deflected (negative where it closes again).
     pub release: f64,
     /// Energy lost in impacts, `Σ P (δ̇⁻ + δ̇⁺)/2`.
     pub impact: f64,
-    /// Change by moving the state onto guards: rounding.
+    /// Change by moving the state onto guards, at the level of rounding.
     pub projection: f64,
 }
 
-/// What an energy ledger asks of a system.
+/// Energy and powers of a system, for an energy ledger.
 pub trait PowerBalance {
-    /// Kinetic plus stored energy, J.
+    /// Returns the kinetic plus stored energy, J.
     fn energy(&self, mode: &Mode, at: Instant, x: &[f64]) -> f64;
-    /// The powers at an instant. The balance is `Ė = load + error + parametric − damping − contact`.
+    /// Returns the powers at an instant. The balance is `Ė = load + error + parametric − damping − contact`.
     fn powers(&self, mode: &Mode, at: Instant, x: &[f64]) -> Powers;
-    /// What a jump changes.
+    /// Returns the changes of energy in a jump.
     fn energy_jump(&self, transition: &Transition<'_>) -> EnergyJump;
 }

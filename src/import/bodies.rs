@@ -1,4 +1,4 @@
-//! Bodies of a gearbox: components that turn as one, and what gives way between them.
+//! Bodies of a gearbox: components that turn as one, with the couplings and bearings between them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,9 +10,9 @@ use super::{
     quantity::{Unit, number},
 };
 
-/// A torsion of a coupling from which on it counts as rigid, N m/rad.
+/// Torsional stiffness from which on a coupling counts as rigid, N m/rad.
 const RIGID_TORSION: f64 = 1e12;
-/// A coupling that gives way, between two bodies.
+/// Compliant coupling between two bodies.
 pub(super) struct Joint<'m> {
     pub component: &'m Component,
     pub ends: [usize; 2],
@@ -21,11 +21,11 @@ pub(super) struct Joint<'m> {
 /// Components that turn as one.
 pub(super) struct Bodies<'m> {
     model: &'m Model,
-    /// For each component the first one of its body.
+    /// Root of each component; repeated, it leads to the first component of its body.
     root: Vec<usize>,
     pub place: BTreeMap<&'m str, usize>,
     pub joints: Vec<Joint<'m>>,
-    /// Bearings, with the components that they lie between.
+    /// Bearings, with the two components of each.
     pub bearings: Vec<(&'m Component, [usize; 2])>,
     pub pins: BTreeSet<usize>,
     fixed: BTreeSet<usize>,
@@ -126,7 +126,7 @@ impl<'m> Bodies<'m> {
         self.place.get(relation.of(role)?).copied()
     }
 
-    /// First component of the body of `i`.
+    /// Returns the first component of the body of `i`.
     pub fn of(&self, i: usize) -> usize {
         let mut i = i;
         while self.root[i] != i {
@@ -140,7 +140,7 @@ impl<'m> Bodies<'m> {
         self.root[a.max(b)] = a.min(b);
     }
 
-    /// Components of the body of `i`.
+    /// Returns the components of the body of `i`.
     pub fn parts(&self, i: usize) -> impl Iterator<Item = usize> + '_ {
         let root = self.of(i);
         (0..self.root.len()).filter(move |part| self.of(*part) == root)
@@ -150,7 +150,7 @@ impl<'m> Bodies<'m> {
         self.parts(i).any(|part| self.model.components[part].kind == "gear_casing" || self.fixed.contains(&part))
     }
 
-    /// Joins what carries the planets of a stage.
+    /// Joins the shafts that carry the planets of a stage into one body.
     fn carry(&mut self, carriers: &mut BTreeMap<&'m str, usize>, stage: Option<&'m str>, shaft: usize) {
         let Some(stage) = stage else { return };
         match carriers.get(stage) {
@@ -159,7 +159,7 @@ impl<'m> Bodies<'m> {
         }
     }
 
-    /// Takes in a coupling or a bearing between two parts.
+    /// Adds a coupling or a bearing between two parts.
     fn side(&mut self, ledger: &mut Ledger<'_>, by: &'m Component, [a, b]: [usize; 2]) {
         if by.kind.contains("bearing") {
             self.bearings.push((by, [a, b]));

@@ -1,4 +1,4 @@
-//! The gearbox in a file: bodies that turn as one, gears on them, stages between them.
+//! Gearbox of a file: bodies that turn as one, gears on them, stages between them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{output::Fault, scene::Scene};
 
-/// Types of components that turn with what they are fixed to.
+/// Types of components that turn with the part to which they are fixed.
 pub(super) const PARTS: [&str; 4] = ["shaft", "planet_carrier", "side_plate", "gear_casing"];
 /// Types that hold data, or that a torsional model does not need.
 const DATA: [&str; 24] = [
@@ -41,7 +41,7 @@ const DATA: [&str; 24] = [
     "workspace",
     "assembly_group",
 ];
-/// Types of relations that are understood, or of no consequence here.
+/// Types of relations that are evaluated, or have no effect on the scene.
 const RELATIONS: [&str; 13] = [
     "assembly",
     "central_shaft",
@@ -100,7 +100,7 @@ pub(super) fn scene(mut model: Model, options: &Options) -> Result<Import, Impor
     if faults.is_empty() { Ok(Import { scene, origins, notes }) } else { Err(ImportError::Faults(faults)) }
 }
 
-/// Counts the torques of the file, which are about the axis, as driving ones.
+/// Turns the torques of the file, which are about the axis, into torques that are positive if they drive.
 fn turn_torques(scene: &mut Value, origins: &mut [Origin], speeds: &[(String, f64)]) {
     let is_of_file = |origin: &&mut Origin| origin.source == Source::File && origin.pointer.ends_with("/torque_nm");
     for origin in origins.iter_mut().filter(is_of_file) {
@@ -122,24 +122,24 @@ pub(super) struct Stage {
     pub component: usize,
     /// Planet shafts, with the gear on each.
     pub planets: Vec<[usize; 2]>,
-    /// Gears and the components of the sun mesh and the ring mesh.
+    /// Indices of the sun gear and the ring gear, and of the components of the sun mesh and the ring mesh.
     pub sun: usize,
     pub ring: usize,
     pub meshes: [usize; 2],
     pub carrier: usize,
 }
 
-/// Writes the scene.
+/// Writer of the scene.
 pub(super) struct Writer<'m, 'o> {
     pub model: &'m Model,
     pub ledger: Ledger<'o>,
     pub bodies: Bodies<'m>,
     /// Shaft of each gear.
     pub shaft_of: BTreeMap<usize, usize>,
-    /// Stages with their two gears, those of planets apart.
+    /// Stages with their two gears, without those of planets.
     pub meshes: Vec<(usize, [usize; 2])>,
     pub stages: Vec<Stage>,
-    /// Bodies that the scene has, by their first component, with their names.
+    /// Bodies of the scene, by their first component, with their names.
     pub shafts: Vec<(usize, String)>,
 }
 
@@ -167,7 +167,7 @@ impl<'m, 'o> Writer<'m, 'o> {
         self.model.relations.iter().filter(move |relation| relation.kind == kind)
     }
 
-    /// Parts that a relation of this kind puts into `whole`.
+    /// Returns the parts of type `kind` that are assembled into `whole`.
     pub fn parts_of(&self, whole: usize, kind: &str) -> Vec<usize> {
         let of_kind = |relation: &&Relation| self.bodies.at(relation, "assembly") == Some(whole);
         let parts = self.relations("assembly").chain(self.relations("ordered_assembly")).filter(of_kind);
@@ -237,7 +237,7 @@ impl<'m, 'o> Writer<'m, 'o> {
         self.meshes = all;
     }
 
-    /// A planetary stage, with its meshes taken out of `all`.
+    /// Adds a planetary stage, and removes its meshes from `all`.
     fn planetary(&mut self, component: usize, shafts: &[usize], all: &mut Vec<(usize, [usize; 2])>) {
         let place = self.component(component).place();
         let on_planet =
@@ -299,7 +299,7 @@ impl<'m, 'o> Writer<'m, 'o> {
         }
     }
 
-    /// A stage whose members all turn, as far as the file tells.
+    /// Returns the fault of a stage of which, by the file, no member stands still.
     fn unfixed(&self, stage: &Stage) -> Option<Fault> {
         let members = [self.shaft_of.get(&stage.sun), Some(&stage.carrier), self.shaft_of.get(&stage.ring)];
         let members: Vec<usize> = members.into_iter().flatten().map(|i| self.bodies.of(*i)).collect();

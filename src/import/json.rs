@@ -1,4 +1,4 @@
-//! The JSON syntax, read as a stream: what is not kept takes no memory.
+//! The JSON syntax, read as a stream: data that are not needed take no memory.
 
 use std::{collections::BTreeMap, fmt, marker::PhantomData};
 
@@ -94,7 +94,7 @@ struct End {
     role: String,
 }
 
-/// A number in the file, written as a number or as a text.
+/// Identifier in the file, written as a number or as a text.
 struct Id(String);
 
 impl<'de> Deserialize<'de> for Id {
@@ -112,7 +112,7 @@ impl<'de> Deserialize<'de> for Id {
     }
 }
 
-/// A list of at most so many items.
+/// List of at most `MOST` items; a longer one is an error.
 struct Few<T, const MOST: usize = LONGEST>(Vec<T>);
 
 impl<T, const MOST: usize> Default for Few<T, MOST> {
@@ -150,7 +150,7 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for First<T> {
     }
 }
 
-/// Reads the items of a list one by one, until one is too many.
+/// Visitor that reads the items of a list one by one, until its function refuses one.
 struct Each<T, F>(F, PhantomData<T>);
 
 impl<'de, T: Deserialize<'de>, F: FnMut(T) -> bool> Visitor<'de> for Each<T, F> {

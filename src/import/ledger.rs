@@ -1,4 +1,4 @@
-//! The scene that is written, and the origin of each of its numbers.
+//! Scene that an import writes, and the origin of each of its numbers.
 
 use std::collections::BTreeSet;
 
@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use super::Options;
 use crate::output::Fault;
 
-/// Faults that are listed.
+/// Largest number of faults that are listed.
 const MOST: usize = 100;
 
 /// Kind of the origin of a number.
@@ -21,7 +21,7 @@ pub enum Source {
     Rule,
     /// A usual value: the file has none.
     Default,
-    /// Given by the user.
+    /// A value given by the user.
     Set,
 }
 
@@ -30,20 +30,20 @@ pub enum Source {
 pub struct Origin {
     /// JSON pointer of the number in the scene.
     pub pointer: String,
-    /// Its value there.
+    /// Value of the number in the scene.
     pub value: Value,
-    /// Kind of its origin.
+    /// Kind of the origin.
     pub source: Source,
     /// Component and attribute, or the rule.
     pub from: String,
 }
 
-/// A scene in the making.
+/// Scene that is being written, with the origins of its numbers and the faults found.
 pub(super) struct Ledger<'o> {
     pub scene: Value,
     pub origins: Vec<Origin>,
     pub faults: Vec<Fault>,
-    /// Remarks on what was read and not used, or used with a doubt.
+    /// Remarks on data that were read and not used, or used with a doubt.
     pub notes: Vec<String>,
     options: &'o Options,
     set: BTreeSet<&'o str>,
@@ -55,7 +55,7 @@ impl<'o> Ledger<'o> {
         Self { scene, origins: Vec::new(), faults: Vec::new(), notes: Vec::new(), options, set: BTreeSet::new() }
     }
 
-    /// Writes what has no origin: names and kinds.
+    /// Writes a value without an origin, such as a name or a kind.
     pub fn plain(&mut self, pointer: &str, value: impl Into<Value>) {
         insert(&mut self.scene, pointer, value.into());
     }
@@ -75,7 +75,7 @@ impl<'o> Ledger<'o> {
         self.origins.push(Origin { pointer: pointer.to_owned(), value, source, from });
     }
 
-    /// Writes a usual value, or asks for it if there shall be none.
+    /// Writes a usual value; without usual values it is requested from the user.
     pub fn usual(&mut self, pointer: &str, value: impl Into<Value>, what: &str) {
         let value = value.into();
         if self.options.no_defaults && !self.is_set(pointer) {
@@ -85,7 +85,7 @@ impl<'o> Ledger<'o> {
         }
     }
 
-    /// Asks for a number that the file does not have.
+    /// Requests a number that the file does not have: a fault, unless the user has set it.
     pub fn ask(&mut self, pointer: &str, found: impl Into<String>, allowed: impl Into<String>) {
         if self.is_set(pointer) {
             self.write(pointer, Value::Null, Source::Set, "");
@@ -110,7 +110,7 @@ impl<'o> Ledger<'o> {
         self.options.set.iter().any(|(own, _)| own == pointer)
     }
 
-    /// Writes what else the user has set.
+    /// Writes the other values that the user has set.
     pub fn finish(&mut self) {
         for (pointer, value) in &self.options.set {
             if !self.set.contains(pointer.as_str()) {

@@ -9,11 +9,11 @@ use super::{
     writer::BEARING,
 };
 
-/// The speed that is given: component, rev/min, origin.
+/// Given speed: component, rev/min, origin.
 pub(super) type Speed = (usize, f64, String);
 
 impl Writer<'_, '_> {
-    /// The one shaft whose speed is given.
+    /// Returns the speed of the one shaft whose speed is used; other speeds become a remark.
     pub fn speed(&mut self) -> Option<Speed> {
         let mut found: Vec<Speed> = Vec::new();
         for i in 0..self.model.components.len() {
@@ -39,7 +39,7 @@ impl Writer<'_, '_> {
         chosen
     }
 
-    /// Sense of a shaft's own axis, 1 or -1 along the one of the gearbox. Axes across it are a fault.
+    /// Returns the sense of a shaft's axis relative to that of the gearbox, 1 or -1. Axes across it are a fault.
     fn sense(&mut self, i: usize) -> f64 {
         let component = self.component(i);
         let axis = component.attributes.get("u_axis_vector").and_then(|axis| axis.value.numbers());
@@ -59,7 +59,7 @@ impl Writer<'_, '_> {
         }
     }
 
-    /// Torques about the axis by shaft: component, N m (none if the file leaves it open), origin.
+    /// Returns the torques about the axis by shaft: component, N m (none if the file leaves it open), origin.
     pub fn torques(&mut self) -> Vec<(usize, Option<f64>, String)> {
         let mut all = Vec::new();
         for i in 0..self.model.components.len() {
@@ -122,7 +122,7 @@ impl Writer<'_, '_> {
         self.shaft_of.get(&gear).map_or(gear, |shaft| self.bodies.of(*shaft))
     }
 
-    /// Name of a body: that of a shaft with gears or loads, else of its first shaft.
+    /// Returns the name of a body: that of a shaft with gears or loads, else of its first shaft.
     fn name(&self, body: usize) -> String {
         let parts: Vec<usize> = self.bodies.parts(body).collect();
         let carries = |part: &&usize| {
@@ -137,13 +137,13 @@ impl Writer<'_, '_> {
         if component.name.is_empty() { format!("{} {}", component.kind, component.id) } else { component.name.clone() }
     }
 
-    /// Place of a body in the list of shafts.
+    /// Returns the index of a body in the list of shafts.
     pub fn index(&self, component: usize) -> usize {
         let body = self.bodies.of(component);
         self.shafts.iter().position(|(own, _)| *own == body).unwrap_or(0)
     }
 
-    /// Speed, torques, and which shaft takes up what is left.
+    /// Writes the speed and the torques, and the shaft whose torque balances the others.
     pub fn write_loads(&mut self, speed: Option<Speed>, torques: &[(usize, Option<f64>, String)]) {
         for i in 0..self.shafts.len() {
             let (body, name) = self.shafts[i].clone();
@@ -198,7 +198,7 @@ impl Writer<'_, '_> {
         }
     }
 
-    /// Couplings that give way.
+    /// Writes the compliant couplings.
     pub fn write_joints(&mut self) {
         for i in 0..self.bodies.joints.len() {
             let (component, ends) = (self.bodies.joints[i].component, self.bodies.joints[i].ends);

@@ -30,13 +30,13 @@ use crate::output::Fault;
 /// Choices of an import.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Options {
-    /// Number of the load case; the first one if left out.
+    /// Identifier of the load case; the first one if left out.
     pub load_case: Option<String>,
     /// Numbers of the scene that replace those of the file, by JSON pointer.
     pub set: Vec<(String, Value)>,
-    /// Names or numbers of shafts that stand still.
+    /// Names or identifiers of shafts that stand still.
     pub fix: Vec<String>,
-    /// Asks for what the file does not have, in place of usual values.
+    /// True to report values that the file does not have as faults, in place of usual values.
     pub no_defaults: bool,
 }
 
@@ -45,19 +45,19 @@ pub struct Options {
 pub struct Import {
     /// The scene.
     pub scene: Value,
-    /// Origins of its numbers, in the order of their making.
+    /// Origins of the numbers of the scene, in the order in which they were written.
     pub origins: Vec<Origin>,
-    /// Remarks on what was read and not used, or used with a doubt.
+    /// Remarks on data that were read and not used, or used with a doubt.
     pub notes: Vec<String>,
 }
 
-/// Cause for which no scene is made of a file.
+/// Reason why no scene can be made of a file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImportError {
     /// The bytes are no file of the format.
     #[error("the file cannot be read: {0}")]
     Unreadable(String),
-    /// All that is missing or wrong.
+    /// All missing or wrong data of the gearbox.
     #[error("no scene can be made of the file{}", .0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
     Faults(Vec<Fault>),
 }
@@ -65,7 +65,7 @@ pub enum ImportError {
 /// Makes a scene of the bytes of a file.
 ///
 /// # Errors
-/// [`ImportError`]: bytes that cannot be read, or all that is missing or wrong in the gearbox.
+/// [`ImportError`]: bytes that cannot be read, or all missing or wrong data of the gearbox.
 pub fn import(bytes: &[u8], options: &Options) -> Result<Import, ImportError> {
     gearbox::scene(read(bytes)?, options)
 }

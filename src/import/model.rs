@@ -1,4 +1,4 @@
-//! The content of a file of the exchange format REXS: components with attributes, relations between them, load cases.
+//! Content of a file of the exchange format REXS: components with attributes, relations between them, load cases.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ pub enum Value {
     Word(String),
     /// Words of a list.
     Words(Vec<String>),
-    /// Numbers, as JSON or base64 has them.
+    /// Numbers of a JSON list or of an array in base64.
     Numbers(Vec<f64>),
 }
 
@@ -25,13 +25,13 @@ pub struct Attribute {
 /// A component: a part of the gearbox, or data about one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Component {
-    /// Number in the file.
+    /// Identifier in the file.
     pub id: String,
     /// Type.
     pub kind: String,
     /// Name that a user gave, possibly empty.
     pub name: String,
-    /// Attributes by name. Of two with one name the last one counts.
+    /// Attributes by name. If two have the same name, the last one counts.
     pub attributes: BTreeMap<String, Attribute>,
 }
 
@@ -40,20 +40,20 @@ pub struct Component {
 pub struct Relation {
     /// Type.
     pub kind: String,
-    /// Roles and numbers of the components.
+    /// Roles and identifiers of the components.
     pub refs: Vec<(String, String)>,
 }
 
 /// A load case: attributes that replace those of components.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadCase {
-    /// Number in the file.
+    /// Identifier in the file.
     pub id: String,
     /// Components with the attributes to replace.
     pub components: Vec<Component>,
 }
 
-/// A gearbox as a file has it.
+/// Content of a file: one gearbox.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     /// Version of the format.
@@ -69,7 +69,7 @@ pub struct Model {
 }
 
 impl Value {
-    /// The one number, if it is one.
+    /// Returns the number, if the value is one finite number.
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self {
@@ -79,7 +79,7 @@ impl Value {
         }
     }
 
-    /// The numbers of a list.
+    /// Returns the numbers of a list.
     #[must_use]
     pub fn numbers(&self) -> Option<Vec<f64>> {
         match self {
@@ -89,7 +89,7 @@ impl Value {
         }
     }
 
-    /// The truth value; of a list its first one.
+    /// Returns the truth value; of a list that of its first item.
     #[must_use]
     pub fn flag(&self) -> Option<bool> {
         let word = match self {
@@ -104,7 +104,7 @@ impl Value {
         }
     }
 
-    /// The value as it is shown.
+    /// Returns the value as text for messages.
     #[must_use]
     pub fn text(&self) -> String {
         match self {
@@ -116,7 +116,7 @@ impl Value {
 }
 
 impl Component {
-    /// The component as it is named in lists: type, number and name.
+    /// Returns the words for a component in messages: type, identifier and name.
     #[must_use]
     pub fn place(&self) -> String {
         if self.name.is_empty() {
@@ -126,7 +126,7 @@ impl Component {
         }
     }
 
-    /// The truth value of an attribute.
+    /// Returns the truth value of an attribute.
     #[must_use]
     pub fn flag(&self, name: &str) -> Option<bool> {
         self.attributes.get(name)?.value.flag()
@@ -134,7 +134,7 @@ impl Component {
 }
 
 impl Relation {
-    /// Number of the component with a role.
+    /// Returns the identifier of the component with a role.
     #[must_use]
     pub fn of(&self, role: &str) -> Option<&str> {
         self.refs.iter().find(|(own, _)| own == role).map(|(_, id)| id.as_str())
@@ -142,13 +142,13 @@ impl Relation {
 }
 
 impl Model {
-    /// The component with a number.
+    /// Returns the component with an identifier.
     #[must_use]
     pub fn component(&self, id: &str) -> Option<&Component> {
         self.components.iter().find(|component| component.id == id)
     }
 
-    /// Replaces the attributes that a load case names. Tells if there is such a load case.
+    /// Replaces the attributes that a load case names; returns whether there is such a load case.
     pub fn apply(&mut self, case: &str) -> bool {
         let Some(case) = self.load_cases.iter().find(|own| own.id == case).cloned() else { return false };
         for changed in case.components {

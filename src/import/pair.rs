@@ -1,4 +1,4 @@
-//! Two gears in mesh: their stage, and the rules for what it leaves open.
+//! Two gears in mesh: their stage, and the rules for values that it does not give.
 
 use super::{
     ledger::{Ledger, Source},
@@ -11,9 +11,9 @@ use crate::gear::{
     geometry::{involute, iso_mesh_stiffness},
 };
 
-/// Usual backlash as a part of the module: a twentieth.
+/// Ratio of the module to the usual backlash.
 const BACKLASH: f64 = 20.0;
-/// Centre distances closer than this are equal, m: files round them.
+/// Difference below which centre distances are equal, m: files round them.
 const SAME_DISTANCE: f64 = 1e-6;
 /// Largest difference between a centre distance and that of the teeth, modules: half of the usual backlash opens it by less.
 const PLAY: f64 = 0.1;
@@ -33,12 +33,12 @@ impl Pair<'_> {
         if self.teeth.iter().any(|teeth| teeth.is_ring) { MeshKind::Internal } else { MeshKind::External }
     }
 
-    /// The rack of both gears; `is_new` tells to write it.
+    /// Returns the rack of both gears, and writes it if `is_new`.
     pub fn rack(&self, ledger: &mut Ledger<'_>, is_new: bool) -> Option<BasicRack> {
         let [one, two] = self.teeth;
         let mut same = true;
         let turned = if self.kind() == MeshKind::External { -1.0 } else { 1.0 };
-        // A gear without a helix angle of its own has that of its partner.
+        // A gear without a given helix angle has that of its partner.
         let helix = match [one.has_helix, two.has_helix] {
             [false, true] => [turned * two.helix, two.helix],
             [true, false] => [one.helix, turned * one.helix],
@@ -106,7 +106,7 @@ impl Pair<'_> {
         Some(rack)
     }
 
-    /// Sum of the profile shifts (of a ring: shift of the ring less that of the pinion) at a centre distance.
+    /// Returns the sum of the profile shifts (of a ring: shift of the ring less that of the pinion) at a centre distance.
     fn sum_of_shifts(&self, rack: &BasicRack, distance: f64) -> Option<f64> {
         let [z1, z2] = self.teeth.map(|teeth| f64::from(teeth.number));
         let z = if self.kind() == MeshKind::External { z1 + z2 } else { (z2 - z1).abs() };
@@ -116,19 +116,19 @@ impl Pair<'_> {
             .then(|| (involute(libm::acos(cosine)) - involute(angle)) * z / (2.0 * libm::tan(rack.pressure_angle)))
     }
 
-    /// The centre distance of the stage, m.
+    /// Returns the centre distance of the stage, m, with its origin.
     pub fn distance(&self, ledger: &mut Ledger<'_>) -> Option<(f64, String)> {
         given(ledger, self.stage, "center_distance", Unit::Length).filter(|(a, _)| *a > 0.0)
     }
 
-    /// Profile shifts, in the signs of Flank: of a ring positive towards thicker spaces. `known` are shifts that other meshes gave.
+    /// Returns the profile shifts, with the signs of Flank: positive towards thicker spaces for a ring; `known` come from other meshes.
     pub fn shifts(&self, ledger: &mut Ledger<'_>, rack: &BasicRack, known: [Option<f64>; 2]) -> [f64; 2] {
         let distance = self.distance(ledger).map(|(a, _)| a);
         let ring = self.teeth.iter().position(|teeth| teeth.is_ring);
         let sum = distance.and_then(|a| self.sum_of_shifts(rack, a));
         let of_teeth = [0, 1].map(|k| self.teeth[k].shift.as_ref().map(|(x, _)| *x));
         let mut shifts = [0, 1].map(|k| known[k].or(of_teeth[k]));
-        // What the sum makes of one shift where the other one is known.
+        // The shift of one gear by the sum and the known shift `x` of the other one.
         let other = |k: usize, x: f64| {
             sum.map(|sum| match ring {
                 None => sum - x,
@@ -141,7 +141,7 @@ impl Pair<'_> {
             && let Some(fit) = other(1 - r, [a, b][1 - r])
             && (fit + [a, b][r]).abs() < (fit - [a, b][r]).abs()
         {
-            // Some writers count the shift of a ring towards its outside, some towards its centre: the centre distance tells.
+            // Some writers count the shift of a ring towards its outside, some towards its centre: the centre distance decides.
             shifts[r] = Some(-[a, b][r]);
             ledger.notes.push(format!(
                 "{}: the sign of the profile shift is turned: so it fits the centre distance",
@@ -287,7 +287,7 @@ impl Pair<'_> {
         }
     }
 
-    /// Contact ratio of the tip circles, if both can be some.
+    /// Returns the contact ratio by the tip circles of the file, if both are plausible.
     fn ratio_of_tips(
         &self,
         ledger: &mut Ledger<'_>,

@@ -2,33 +2,33 @@
 
 use super::{ledger::Ledger, model::Component};
 
-/// Kind of a quantity: the unit that the format gives it, and what its units are worth in that of the scene.
+/// Kind of a quantity, with the unit of the scene for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Unit {
-    /// In metres.
+    /// Length, m.
     Length,
-    /// In degrees.
+    /// Angle, degrees.
     Angle,
-    /// In revolutions per minute.
+    /// Speed, rev/min.
     Speed,
-    /// In N m.
+    /// Torque, N m.
     Torque,
-    /// In N/m.
+    /// Stiffness, N/m.
     Stiffness,
-    /// In N m/rad.
+    /// Torsional stiffness, N m/rad.
     Torsion,
-    /// In kg/m³.
+    /// Density, kg/m³.
     Density,
-    /// In kg.
+    /// Mass, kg.
     Mass,
-    /// In N/m², for each metre of face width.
+    /// Stiffness per face width, N/m².
     PerWidth,
-    /// Without a unit.
+    /// Number without a unit.
     One,
 }
 
 impl Unit {
-    /// Factor to the unit of the scene.
+    /// Returns the factor from a written unit to that of the scene; without one, the unit of the format holds.
     fn factor(self, written: &str) -> Option<f64> {
         let written: String = written.chars().filter(|c| !c.is_whitespace()).collect();
         let written = written.replace(['µ', 'μ'], "mu").replace(['·', '^'], "");
@@ -51,7 +51,7 @@ impl Unit {
     }
 }
 
-/// An attribute as a number in the unit of the scene. A value that is none is a fault.
+/// Returns an attribute as a number in the unit of the scene. A value that is not a number is a fault.
 pub(super) fn number(ledger: &mut Ledger<'_>, component: &Component, name: &str, unit: Unit) -> Option<f64> {
     let attribute = component.attributes.get(name)?;
     let place = format!("{}: {name}", component.place());
@@ -72,7 +72,7 @@ pub(super) fn number(ledger: &mut Ledger<'_>, component: &Component, name: &str,
     Some(if factor < 1.0 { value / factor.recip() } else { value * factor })
 }
 
-/// The same with its origin in words.
+/// Returns an attribute as [`number`] does, with its origin in words.
 pub(super) fn given(ledger: &mut Ledger<'_>, component: &Component, name: &str, unit: Unit) -> Option<(f64, String)> {
     let value = number(ledger, component, name, unit)?;
     let attribute = &component.attributes[name];

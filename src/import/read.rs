@@ -1,4 +1,4 @@
-//! Bytes of a file to its content: archives, text, and which of the two syntaxes it has.
+//! Reading of the bytes of a file: archives, text, and the choice between the two syntaxes.
 
 use std::io::{Cursor, Read};
 
@@ -10,10 +10,10 @@ pub const LARGEST: u64 = 256 << 20;
 /// Most components and relations; gearboxes with all of their bearings have some hundreds.
 pub(super) const COMPONENTS: usize = 20_000;
 pub(super) const RELATIONS: usize = 50_000;
-/// Items of a list that are kept; no list that is read has more.
+/// Largest number of items that are stored of a list; no list in use has more.
 pub(super) const LONGEST: usize = 1000;
 
-/// Attributes that are read.
+/// Names of the attributes that are read, in order.
 const READ: &[&str] = &[
     "addendum_coefficient_reference_profile",
     "addendum_modification",
@@ -54,7 +54,7 @@ const READ: &[&str] = &[
     "w_axis_vector",
 ];
 
-/// Tells that an attribute is read.
+/// Returns whether an attribute is read.
 pub(super) fn is_read(name: &str) -> bool {
     READ.binary_search(&name).is_ok()
 }
@@ -70,7 +70,7 @@ pub fn read(bytes: &[u8]) -> Result<Model, ImportError> {
     Ok(model)
 }
 
-/// Fails with these words.
+/// Returns the error of an unreadable file, with these words.
 pub(super) fn unreadable<T>(words: impl Into<String>) -> Result<T, ImportError> {
     Err(ImportError::Unreadable(words.into()))
 }
@@ -97,13 +97,13 @@ fn text(bytes: &[u8]) -> Result<Model, ImportError> {
     }
 }
 
-/// Tells that the declaration of an XML file names the encoding of western Europe, in which a byte is a character.
+/// Returns whether the declaration of an XML file names a western European encoding, in which a byte is a character.
 fn is_latin(bytes: &[u8]) -> bool {
     let head = String::from_utf8_lossy(&bytes[..bytes.len().min(200)]).to_ascii_lowercase();
     head.starts_with("<?xml") && (head.contains("iso-8859-1") || head.contains("windows-1252"))
 }
 
-/// The one gearbox file in an archive.
+/// Returns the bytes of the only gearbox file in an archive.
 fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, ImportError> {
     let fault = |error: zip::result::ZipError| ImportError::Unreadable(format!("zip archive: {error}"));
     let mut archive = zip::ZipArchive::new(Cursor::new(bytes)).map_err(fault)?;
@@ -129,7 +129,7 @@ fn unpacked(bytes: &[u8]) -> Result<Vec<u8>, ImportError> {
     Ok(unpacked)
 }
 
-/// Numbers in base64 as `code` says: int32, float32 or float64, little-endian.
+/// Decodes numbers in base64 of the type `code`: int32, float32 or float64, little-endian.
 pub(super) fn decoded(code: &str, text: &str) -> Result<Vec<f64>, String> {
     use base64::{Engine, engine::general_purpose::STANDARD};
     let packed: String = text.split_whitespace().collect();

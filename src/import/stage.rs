@@ -7,11 +7,11 @@ use super::{
     quantity::{Unit, number},
 };
 
-/// Positions of planets closer than this to equal spacing are equally spaced, degrees.
+/// Difference from equal spacing below which planets are equally spaced, degrees.
 const SAME_ANGLE: f64 = 1e-6;
 
 impl Writer<'_, '_> {
-    /// A planetary stage.
+    /// Writes a planetary stage.
     pub fn write_stage(&mut self, s: usize) {
         let pointer = format!("/train/stages/{s}");
         let (component, planets) = (self.stages[s].component, self.stages[s].planets.clone());
@@ -71,7 +71,7 @@ impl Writer<'_, '_> {
         self.write_bearings(&keys[1], &parts, true);
     }
 
-    /// Positions of the planets, from the axis w towards −v: from their shafts, from the angles of their stages, or equally spaced.
+    /// Writes the positions of the planets, from the axis w towards −v: by their shafts, by the angles of their stages, or equally spaced.
     fn write_positions(&mut self, s: usize, pointer: &str) {
         let (sun, planets) = (self.stages[s].sun, self.stages[s].planets.clone());
         let axis = self.centre(sun).or_else(|| self.centre(*self.shaft_of.get(&sun)?));

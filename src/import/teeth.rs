@@ -21,7 +21,7 @@ pub(super) struct Teeth {
     pub angle: f64,
     /// Helix angle, degrees, positive for the right hand.
     pub helix: f64,
-    /// Tells that the file gives it.
+    /// True if the file gives the helix angle.
     pub has_helix: bool,
     pub width: f64,
     pub shift: Option<(f64, String)>,
@@ -30,7 +30,7 @@ pub(super) struct Teeth {
     pub tip: Option<f64>,
 }
 
-/// Components with data of one gear: itself, its flanks and its data in stages, its tool.
+/// Components with data of one gear: the gear, its flanks and its data in stages, its tool.
 pub(super) struct Data<'m> {
     pub gear: &'m Component,
     pub parts: Vec<&'m Component>,
@@ -38,7 +38,7 @@ pub(super) struct Data<'m> {
 }
 
 impl Teeth {
-    /// Reads the teeth of a gear that is written at `pointer`, and writes what belongs to the gear alone.
+    /// Reads the teeth of a gear that is written at `pointer`, and writes the numbers of the gear alone.
     pub fn read(ledger: &mut Ledger<'_>, data: &Data<'_>, pointer: &str) -> Option<Self> {
         let gear = data.gear;
         let place = gear.place();
@@ -125,7 +125,7 @@ impl Teeth {
         Gear { teeth: self.number, shift }
     }
 
-    /// Radii of tip and root, m, with the helix angle of the mesh, rad; the tip by the file if it can be one, else by the rack.
+    /// Returns the radii of tip and root, m; `helix` is that of the mesh, rad. The tip is that of the file if plausible, else by the rack.
     pub fn radii(&self, ledger: &mut Ledger<'_>, shift: f64, helix: f64) -> [f64; 2] {
         let helix = libm::cos(helix);
         let (m, reference) = (self.module, 0.5 * self.module * f64::from(self.number) / helix);

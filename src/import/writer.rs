@@ -10,13 +10,13 @@ use super::{
     teeth::{Data, Teeth},
 };
 
-/// A stiffness of a bearing from which on it counts as rigid, N/m: writers put 1e20 and more.
+/// Stiffness from which on a bearing counts as rigid, N/m: other programs write 1e20 and more.
 const RIGID: f64 = 1e15;
 /// Usual density, kg/m³.
 const STEEL: f64 = 7850.0;
-/// Components that a place is counted from, one after the other.
+/// Longest chain of components whose positions are relative to each other.
 const DEEPEST: usize = 8;
-/// Usual rim of a ring, heights of its teeth.
+/// Usual thickness of the rim of a ring, in tooth heights.
 const RIM: f64 = 2.0;
 /// Usual damping ratio of bearings and couplings.
 pub(super) const BEARING: f64 = 0.05;
@@ -29,7 +29,7 @@ struct Inertia {
 }
 
 impl Inertia {
-    /// A frustum of cones: length, outer and inner radii at its ends, m, density, kg/m³.
+    /// Returns the inertia of a hollow frustum: length, outer and inner radii at its ends, m, density, kg/m³.
     fn of_cone(length: f64, outer: [f64; 2], inner: [f64; 2], density: f64) -> Self {
         let full = |[a, b]: [f64; 2]| Self {
             mass: density * std::f64::consts::PI * length * (a * a + a * b + b * b) / 3.0,
@@ -50,7 +50,7 @@ impl Inertia {
 }
 
 impl<'m> Writer<'m, '_> {
-    /// Density of a component's material.
+    /// Returns the density of a component's material, kg/m³, and whether the file gives it.
     fn density(&mut self, i: usize) -> (f64, bool) {
         let material = self.relations("reference").filter(|r| self.bodies.at(r, "origin") == Some(i));
         let materials: Vec<usize> = material.filter_map(|r| self.bodies.at(r, "referenced")).collect();
@@ -60,7 +60,7 @@ impl<'m> Writer<'m, '_> {
         found.filter(|d| *d > 0.0).map_or((STEEL, false), |d| (d, true))
     }
 
-    /// Mass and inertia of a hollow cylinder or cone that a component describes.
+    /// Returns mass and inertia of a component that is a hollow cylinder or cone.
     fn solid(&mut self, i: usize, density: f64) -> Option<Inertia> {
         let component = self.component(i);
         let mut of = |name: &str| number(&mut self.ledger, component, name, Unit::Length);
@@ -81,8 +81,8 @@ impl<'m> Writer<'m, '_> {
         is_real.then(|| Inertia::of_cone(length, outer, inner, density))
     }
 
-    /// Place of a component's centre in the plane of the gears, m: its support vector, and those of the components that it is counted from.
-    /// None where one of these is turned.
+    /// Returns the centre of a component in the plane of the gears, m: the sum of its support vector and those of its reference components;
+    /// `None` if one of these is rotated.
     pub fn centre(&self, i: usize) -> Option<[f64; 2]> {
         let (mut sum, mut at) = ([0.0; 2], i);
         for _ in 0..DEEPEST {
@@ -106,7 +106,7 @@ impl<'m> Writer<'m, '_> {
         None
     }
 
-    /// Inertia of a shaft from its sections, and its bearings.
+    /// Writes the inertia of a shaft, from its sections, and its bearings.
     pub fn write_shaft(&mut self, i: usize) {
         let body = self.shafts[i].0;
         if self.bodies.stands(body) {
@@ -151,7 +151,7 @@ impl<'m> Writer<'m, '_> {
         }
     }
 
-    /// Springs of the bearings between these parts and others, if they give way.
+    /// Writes the springs of the bearings between these parts and others, if they are compliant.
     pub fn write_bearings(&mut self, pointer: &str, parts: &[usize], has_mass: bool) {
         let own: Vec<_> = self
             .bodies
@@ -167,7 +167,7 @@ impl<'m> Writer<'m, '_> {
                 .iter()
                 .filter_map(|bearing| number(&mut self.ledger, bearing, attribute, Unit::Stiffness))
                 .collect();
-            // Zero stands for what the writer did not know.
+            // Zero stands for an unknown stiffness.
             if !has_mass || springs.iter().any(|k| *k >= RIGID) || springs.iter().all(|k| *k <= 0.0) {
                 continue;
             }
@@ -183,7 +183,7 @@ impl<'m> Writer<'m, '_> {
         }
     }
 
-    /// Asks for the inertia of bodies for which the file gives none.
+    /// Requests the inertia of bodies for which the file gives none.
     pub fn ask_inertias(&mut self) {
         for i in 0..self.shafts.len() {
             let (body, name) = self.shafts[i].clone();
@@ -227,7 +227,7 @@ impl<'m> Writer<'m, '_> {
         Teeth::read(&mut self.ledger, &data, pointer)
     }
 
-    /// Outer radius of the shaft under a gear, m.
+    /// Returns the outer radius of the shaft under a gear, m; 0 if it is unknown.
     fn bore(&mut self, gear: usize) -> f64 {
         let Some(shaft) = self.shaft_of.get(&gear).copied() else { return 0.0 };
         let component = self.component(gear);
@@ -243,7 +243,7 @@ impl<'m> Writer<'m, '_> {
         0.0
     }
 
-    /// Mass and inertia of a gear: of the file's mass if it has one, else of a disc from the shaft to half the height of the teeth.
+    /// Writes mass and inertia of a gear: by the mass in the file, else those of a disc from the shaft to half the height of the teeth.
     pub fn write_gear(&mut self, gear: usize, teeth: &Teeth, (shift, helix): (f64, f64), pointer: &str) {
         let component = self.component(gear);
         let [tip, root] = teeth.radii(&mut self.ledger, shift, helix);
@@ -265,7 +265,7 @@ impl<'m> Writer<'m, '_> {
             return;
         }
         if inner >= outer {
-            // Teeth cut into the shaft count with it.
+            // Teeth cut into the shaft are part of its inertia.
             return;
         }
         let (density, is_given) = self.density(gear);
@@ -278,7 +278,7 @@ impl<'m> Writer<'m, '_> {
         self.write_inertia(pointer, disc, is_given, what);
     }
 
-    /// A mesh of two gears on shafts. `known` are pointers and profile shifts of gears that meshes before have written.
+    /// Writes a mesh of two gears on shafts. `known` are pointers and profile shifts of gears that earlier meshes have written.
     pub fn write_pair(&mut self, m: usize, known: &mut BTreeMap<usize, (String, f64)>) {
         let (stage, mut gears) = self.meshes[m];
         // The gear nearer to the driven shaft drives.
@@ -349,7 +349,7 @@ impl<'m> Writer<'m, '_> {
         if is_unique(&component.name) { component.name.clone() } else { component.place() }
     }
 
-    /// Centre distance and direction of a mesh.
+    /// Writes centre distance and direction of a mesh.
     fn write_place(&mut self, pair: &Pair<'_>, gears: [usize; 2], pointer: &str) {
         if let Some((distance, from)) = pair.distance(&mut self.ledger) {
             self.ledger.write(&format!("{pointer}/centre_distance_m"), distance, Source::File, from);

@@ -1,4 +1,4 @@
-//! The XML syntax, read as a stream: what is not kept takes no memory.
+//! The XML syntax, read as a stream: data that are not needed take no memory.
 
 use quick_xml::{
     Reader, XmlVersion,
@@ -12,7 +12,7 @@ use super::{
     read::{COMPONENTS, LONGEST, RELATIONS, decoded, is_read, unreadable},
 };
 
-/// Elements inside each other; the format has eight.
+/// Largest depth of nested elements; the format has eight.
 const DEEPEST: usize = 64;
 
 /// Reads the XML syntax.
@@ -117,7 +117,7 @@ impl File {
                 (self.code, self.items) = (key("code"), Some(Vec::new()));
             }
             "c" => self.text.clear(),
-            // Two dimensions: none of what is read has them.
+            // Two dimensions: no attribute in use has them.
             "matrix" | "array_of_arrays" => self.attribute = None,
             _ => {}
         }

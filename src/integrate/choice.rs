@@ -1,4 +1,4 @@
-//! Which integrator: forced, or chosen mode by mode.
+//! Choice of the integrator: forced, or made for each mode.
 
 use std::{collections::BTreeMap, fmt, ops::ControlFlow};
 
@@ -7,7 +7,7 @@ use super::{Arc, DenseStep, IntegrateError, Integrator, Relay, Taylor};
 use super::{Diffsol, Method};
 use crate::hybrid::{HybridSystem, Mode};
 
-/// The integrator asked for.
+/// The requested integrator.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Choice {
     /// Chosen for each mode; see [`build`].
@@ -24,7 +24,7 @@ pub enum Choice {
 }
 
 impl Choice {
-    /// The word used in scenes and logs.
+    /// Returns the word used in scenes and logs.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -43,15 +43,15 @@ impl fmt::Display for Choice {
     }
 }
 
-/// Builds the integrator for `system`, and says in a sentence why it is this one.
+/// Builds the integrator for `system`, and returns the reason for the choice in a sentence.
 ///
 /// `rtol` is the relative tolerance of the methods other than Taylor, which always works to round-off.
-/// [`Choice::Auto`] takes Taylor, relieved by Radau where stiff power laws rest, for flows that know their
-/// series and the explicit method for others, except in stiff modes, which it gives to backward differences: [`PerMode`].
+/// [`Choice::Auto`] uses [`PerMode`]. Flows with a known series get Taylor, with Radau steps where stiff power laws rest. Others get the
+/// explicit method. Stiff modes get backward differences.
 ///
 /// # Errors
 /// [`IntegrateError::NoJet`] if Taylor is forced on a flow that can only be evaluated;
-/// [`IntegrateError::NotBuilt`] if a method is needed that this build leaves out.
+/// [`IntegrateError::NotBuilt`] if the method is not part of this build.
 pub fn build(
     choice: Choice,
     rtol: f64,
@@ -94,24 +94,22 @@ fn auto(rtol: f64, series: bool) -> Result<(Box<dyn Integrator>, String), Integr
     })
 }
 
-/// Steps a forcing period may ask of a method bound to the fastest decay before its mode counts as stiff.
+/// Number of steps of a method limited by the fastest decay, per forcing period, above which a mode counts as stiff.
 ///
-/// A Taylor step of order 24 covers about two decay times, an explicit step about 3.3; backward differences need
-/// some hundreds of steps a period at ordinary tolerances whatever the decay, each about as dear as a Taylor
-/// step of a small train, and 20 to 45 more after each event.
+/// A Taylor step of order 24 covers about two decay times, an explicit step about 3.3. Backward differences need some hundreds of steps a
+/// period at ordinary tolerances for any decay. Each costs about a Taylor step of a small train, and each event 20 to 45 more.
 const STIFF_STEPS: f64 = 5000.0;
-/// Decay times a step of such a method covers.
+/// Decay times covered by a step of such a method.
 const PER_STEP: f64 = 2.0;
-/// Oscillations must be this much slower than the decay: those at its pace have to be resolved anyway, and
-/// backward differences of high order are unstable on them.
+/// Largest ratio of oscillations to the decay in a stiff mode. Faster oscillations have to be resolved anyway, and backward differences of
+/// high order are unstable on them.
 const SLOWER: f64 = 0.05;
 
-/// Two integrators, and for each mode the one that suits it.
+/// Two integrators and the choice between them for each mode.
 ///
-/// A mode is stiff if the fastest strongly damped element the system names
-/// ([`rates`](HybridSystem::rates)) would cost the usual method more than 5000 steps in a forcing period
-/// (in the arc at hand, where there is no period), and everything lightly damped is at least twenty times slower. A
-/// mode keeps the integrator it got first.
+/// A mode is stiff if its fastest strongly damped element ([`rates`](HybridSystem::rates)) would cost the usual method more than 5000 steps
+/// in a forcing period. Without a period the current arc counts. Everything lightly damped must be at least twenty times slower. A mode
+/// keeps its first integrator.
 pub struct PerMode {
     usual: Box<dyn Integrator>,
     stiff: Box<dyn Integrator>,
@@ -119,7 +117,7 @@ pub struct PerMode {
 }
 
 impl PerMode {
-    /// Whether `mode` counts as stiff; `arc` is the time, s, that stands for a forcing period where there is none.
+    /// Returns whether `mode` is stiff; `arc` is the time, s, that replaces the forcing period of a system without one.
     #[must_use]
     pub fn is_stiff(system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
         let Some(rates) = system.rates(mode) else { return false };
@@ -127,7 +125,7 @@ impl PerMode {
         rates.damped * time > STIFF_STEPS * PER_STEP && rates.oscillating < SLOWER * rates.damped
     }
 
-    /// Whether `mode` counts as stiff, once and for all.
+    /// Returns whether `mode` is stiff, as decided at its first arc.
     fn pick(&mut self, system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
         match self.picks.get(mode) {
             Some(stiff) => *stiff,

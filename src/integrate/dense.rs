@@ -1,8 +1,8 @@
 //! Dense output of a step whose solver offers an interpolant: plain polynomials in `θ ∈ [0, 1]`.
 //!
-//! A step's state is a polynomial of the interpolant's degree. A guard of it (with forcing that is no
-//! polynomial) is sampled at Chebyshev points and interpolated; the decay of its Chebyshev coefficients and
-//! two more samples tell how well. Where it is not resolved, the step is handed out in several pieces.
+//! The state on a step is a polynomial of the degree of the interpolant. A guard (with forcing that is no polynomial) is interpolated at
+//! Chebyshev points. The decay of its Chebyshev coefficients and two more samples estimate the error. Without resolution, the step is
+//! output in several pieces.
 
 use crate::{
     hybrid::{GuardId, HybridSystem, Instant, Mode},
@@ -12,26 +12,26 @@ use crate::{
 
 /// Degree tried first.
 const FIRST: usize = 8;
-/// Room for one guard's polynomial.
+/// Number of coefficients of the polynomial of one guard.
 const ROW: usize = DEGREE + 1;
 /// Highest degree of an interpolant of the state.
 #[cfg(feature = "diffsol")]
 pub(super) const STATE_DEGREE: usize = 5;
-/// A step is halved at most this often: what is not resolved on 1/64 of a solver's step is not smooth.
+/// Maximum number of halvings of a step: motion that is not resolved on 1/64 of a step is not smooth.
 const HALVINGS: i32 = 6;
 /// The share of the integration error that interpolation may add to a guard.
 const SHARE: f64 = 1e-2;
-/// Where the interpolation is checked: between the Chebyshev points.
+/// Places at which the interpolation is checked: between the Chebyshev points.
 const CHECKS: [f64; 2] = [0.381_966, 0.888_889];
 
-/// The points at which an interpolant of the given degree is to be sampled, ends included.
+/// Returns the points at which an interpolant of the given degree is to be sampled, ends included.
 #[cfg(feature = "diffsol")]
 pub(super) fn state_points(degree: usize) -> impl Iterator<Item = f64> {
     (0..=degree).map(move |i| i as f64 / degree as f64)
 }
 
-/// Coefficients of powers from `samples` at the [`state_points`], by divided differences, component by
-/// component in place. The rows of `samples` are states, `[(degree + 1) · dim]`.
+/// Converts `samples` at the [`state_points`] to coefficients of powers, by divided differences, component by component in place. The rows
+/// of `samples` are states, `[(degree + 1) · dim]`.
 #[cfg(feature = "diffsol")]
 pub(super) fn to_powers(samples: &mut [f64], dim: usize) {
     let degree = samples.len() / dim - 1;
@@ -56,13 +56,13 @@ pub(super) fn to_powers(samples: &mut [f64], dim: usize) {
     }
 }
 
-/// A piece of a solver's step, as handed to the visitor.
+/// A piece of a step of the solver, as passed to the visitor.
 #[derive(Debug, Default)]
 pub(super) struct Pieces {
     dim: usize,
-    /// The state on the whole step, row `k` the coefficients of `θᵏ`.
+    /// State on the whole step; row `k` has the coefficients of `θᵏ`.
     pub step: Vec<f64>,
-    /// The state on the piece.
+    /// State on the piece.
     state: Vec<f64>,
     start: Instant,
     span: f64,
@@ -111,9 +111,9 @@ fn horner(rows: &[f64], dim: usize, theta: f64, x: &mut [f64]) {
     }
 }
 
-/// The sum of what the uncertainty of each component does to guard `id`, to first order.
+/// Returns the sum of the effects of the uncertainty of each component on guard `id`, to first order.
 fn blur(system: &dyn HybridSystem, mode: &Mode, id: GuardId, at: Instant, x: &[f64], unsure: &[f64]) -> f64 {
-    /// An uncertainty near rounding shows when it is enlarged.
+    /// Factor on an uncertainty near rounding, so that its effect is visible.
     const LARGER: f64 = 1e6;
     if unsure.is_empty() {
         return 0.0;
@@ -128,23 +128,23 @@ fn blur(system: &dyn HybridSystem, mode: &Mode, id: GuardId, at: Instant, x: &[f
     unsure.iter().enumerate().map(part).sum()
 }
 
-/// What a piece needs to know about its place.
+/// Position of a step in its arc, with tolerance and uncertainty.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
     pub system: &'a dyn HybridSystem,
     pub arc: &'a Arc<'a>,
     /// Relative tolerance of the integration.
     pub rtol: f64,
-    /// The solver's step, s after the arc's start.
+    /// Start of the solver's step, s after the start of the arc.
     pub from: f64,
-    /// Its end; `None` if it is the arc's own.
+    /// End of the solver's step; `None` for the end of the arc.
     pub to: Option<f64>,
-    /// Uncertainty of each component that no polynomial shows; empty for none.
+    /// Uncertainty of each component beyond the error of the polynomial; empty for none.
     pub unsure: &'a [f64],
 }
 
 impl Pieces {
-    /// What the uncertainties `unsure` of the state do to each guard.
+    /// Returns the effect of the uncertainties `unsure` of the state on each guard.
     pub fn blurs(
         &self,
         system: &dyn HybridSystem,
@@ -168,7 +168,7 @@ impl Pieces {
         self.scratch.resize(self.dim, 0.0);
     }
 
-    /// Hands the step out, whole if every guard is resolved on it, otherwise in pieces. `false`: broken off.
+    /// Passes the step to the visitor, whole if every guard is resolved on it, otherwise in pieces. Returns `false` if the visitor stops.
     pub fn visit(&mut self, place: &Place<'_>, mut visitor: impl FnMut(&dyn DenseStep) -> bool) -> bool {
         let smallest = 0.5f64.powi(HALVINGS);
         let (mut low, mut width) = (0.0, 1.0);
@@ -185,7 +185,7 @@ impl Pieces {
         true
     }
 
-    /// Makes this the piece `[low, low + width]` of the step; `false` if a guard is not resolved on it.
+    /// Selects the piece `[low, low + width]` of the step; returns `false` if a guard is not resolved on it.
     fn cut(&mut self, place: &Place<'_>, low: f64, width: f64) -> bool {
         let clock = place.system.clock();
         let at = |theta: f64| match place.to {
@@ -210,7 +210,7 @@ impl Pieces {
         (0..self.guards.len()).all(|i| self.interpolate(place, i, first, &mut dense))
     }
 
-    /// The state's coefficients on `[low, low + width]`, by repeated synthetic division.
+    /// Computes the coefficients of the state on `[low, low + width]`, by repeated synthetic division.
     fn shift(&mut self, low: f64, width: f64) {
         let (dim, state) = (self.dim, &mut self.state);
         state.clone_from(&self.step);
@@ -234,7 +234,7 @@ impl Pieces {
         horner(&self.state, self.dim, theta, &mut self.samples[i * self.dim..(i + 1) * self.dim]);
     }
 
-    /// Interpolates guard `i` on the piece; `false` if it is not resolved.
+    /// Interpolates guard `i` on the piece; returns `false` if it is not resolved.
     fn interpolate(&mut self, place: &Place<'_>, i: usize, first: bool, dense: &mut bool) -> bool {
         let id = self.guards[i];
         let pinned = first && place.arc.pinned.contains(id);
@@ -259,7 +259,7 @@ impl Pieces {
             }
             CHEBYSHEV.coefficients(&values[..=n], &mut c);
             let range: f64 = c[1..=n].iter().map(|c| c.abs()).sum();
-            // At an exact zero the leading coefficients decide, however small they are: nothing is given away.
+            // At an exact zero the leading coefficients decide, however small: the tolerance has no share of the integration error.
             let share = if pinned { 0.0 } else { SHARE * place.rtol };
             tolerance = share * range.min(sensitivity.max(f64::MIN_POSITIVE)) + rounding;
             tail = c[n].abs() + c[n - 1].abs();
@@ -302,10 +302,10 @@ impl Pieces {
         place.system.guard(place.arc.mode, self.guards[i], at, x)
     }
 
-    /// Writes what is exactly zero at the arc's start as exactly zero.
+    /// Sets the coefficients that are exactly zero at the start of the arc to zero.
     ///
-    /// A guard that is still and whose second derivative vanishes too (a contact released from rest) starts with
-    /// its cubic term; a square term against it that only makes a dip within `noise` is no decision.
+    /// A guard that is still and whose second derivative vanishes too (a contact released from rest) starts with its cubic term. A square
+    /// term of the opposite sign whose dip stays within `noise` is dropped.
     fn pin(&mut self, i: usize, still: bool, noise: f64) {
         let series = &mut self.series[i * ROW..(i + 1) * ROW];
         series[0] = 0.0;
@@ -323,8 +323,8 @@ impl Pieces {
         }
     }
 
-    /// The rounding error of a guard's value, and how strongly relative errors of the state move it: the
-    /// state's components are changed by one part in 10⁶, with two patterns of signs.
+    /// Returns the rounding error of the value of a guard, and its sensitivity to relative errors of the state. The components of the state
+    /// are changed by one part in 10⁶, with two patterns of signs.
     fn rounding(&mut self, place: &Place<'_>, i: usize) -> (f64, f64) {
         const PART: f64 = 1e-6;
         let at = self.start;

@@ -1,8 +1,7 @@
-//! Adapter to diffsol: implicit and explicit steps of fields that can only be evaluated, and of stiff modes.
+//! Adapter to diffsol: implicit and explicit steps of fields without series, and of stiff modes.
 //!
-//! One arc is one solver, built at its start and dropped at its end; diffsol's own root finder and resets are
-//! not used. Time is measured from the arc's start in units of the first step, so that no absolute size of time
-//! reaches the solver.
+//! Each arc has its own solver, built at its start and dropped at its end; diffsol's root finder and resets are not used. Time is measured
+//! from the start of the arc in units of the first step, so that no absolute size of time reaches the solver.
 
 use std::ops::ControlFlow;
 
@@ -21,7 +20,7 @@ type M = NalgebraMat<f64>;
 type V = NalgebraVec<f64>;
 type LS = NalgebraLU<f64>;
 
-/// Which of diffsol's methods.
+/// Method of diffsol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     /// Backward differences of order 1 to 5: strongly damped fast modes.
@@ -41,18 +40,18 @@ impl Method {
         }
     }
 
-    /// Order of the first step; backward differences have a start-up of order 3.
+    /// Returns the order of the first step; backward differences have a start-up of order 3.
     fn first_order(self) -> f64 {
         if self == Self::Explicit { 5.0 } else { 3.0 }
     }
 }
 
-/// Steps by diffsol, dense output and guards by polynomials of its interpolant.
+/// Steps by diffsol, with dense output and guards from polynomials of its interpolant.
 ///
-/// Each component is held to `rtol` times its size, and to a tenth of `rtol` times its scale on the arc where it
-/// passes through zero. The scale is the largest of `|x|`, `τ|ẋ|` and `τ²|ẍ|/2` at the arc's start, with τ the
-/// fastest time the system names (or else the shortest in which a component changes by its own size), the
-/// forcing's 1/ω or the arc's span, whichever is least.
+/// Each component is held to `rtol` times its size, and near zero to a tenth of `rtol` times its scale on the arc. The scale is the largest
+/// of `|x|`, `τ|ẋ|` and `τ²|ẍ|/2` at the start of the arc. The time τ is the least of the fastest time of the system, the 1/ω of the
+/// forcing, and the span of the arc. If the system names no time, the shortest time in which a component changes by its own size replaces
+/// it.
 ///
 /// After every start of an arc, backward differences are preceded by a few ESDIRK steps: their own first steps
 /// are of order 1.
@@ -64,17 +63,17 @@ pub struct Diffsol {
 }
 
 impl Diffsol {
-    /// Tightest tolerance the solvers can hold.
+    /// Tightest tolerance of the solvers.
     pub const TIGHTEST: f64 = 1e-13;
 
-    /// A method with a relative tolerance, kept within `[1e-13, 0.1]`.
+    /// Returns a method with a relative tolerance, clamped to `[1e-13, 0.1]`.
     #[must_use]
     pub fn new(method: Method, rtol: f64) -> Self {
         Self { method, rtol: rtol.clamp(Self::TIGHTEST, 0.1), pieces: Pieces::default() }
     }
 }
 
-/// What a solver says, with our time instead of its own.
+/// Converts an error of a solver to seconds.
 fn fault(method: Method, t: f64, unit: f64, error: &DiffsolError) -> IntegrateError {
     let reason = match error {
         DiffsolError::OdeSolverError(OdeSolverError::StepSizeTooSmall { .. }) => {
@@ -96,20 +95,20 @@ fn when(system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64) -> f64 {
 struct Start {
     /// Absolute tolerances, `[dim]`.
     absolute: Vec<f64>,
-    /// Step of a method of the asked order, s.
+    /// Initial step of a method of the requested order, s.
     step: f64,
-    /// Step of a method of order 1 over that one.
+    /// Ratio of the initial step of a method of order 1 to that step.
     first_order: f64,
 }
 
-/// Share of a component's scale that is its floor.
+/// Floor of a component as a share of its scale.
 const FLOOR: f64 = 0.1;
-/// A component without a scale of its own is held to this part of the largest one's, or to its rounding.
+/// Share of the largest scale to which a component with zero scale is held, unless its rounding is larger.
 const NO_SCALE: f64 = 1e-9;
 
 impl Start {
-    /// Scales from the state and two derivatives; the first step as in Hairer, Nørsett & Wanner (1993), II.4, with
-    /// τ as the unit of time.
+    /// Returns scales from the state and two derivatives; the first step as in Hairer, Nørsett & Wanner (1993), II.4, with τ as the unit of
+    /// time.
     fn new(
         field: &dyn VectorField,
         system: &dyn HybridSystem,
@@ -124,7 +123,7 @@ impl Start {
         field.jac_mul(arc.mode, arc.at, 0.0, arc.x, &f, &mut f1);
         let own = system.rates(arc.mode).map_or_else(
             || {
-                // How fast the components change in proportion: too short a time costs steps, too long a one digits.
+                // Relative rate of change of the components: too short a time costs steps, too long a one digits.
                 let parts = arc.x.iter().zip(f.iter().zip(&f1)).filter(|(x, _)| **x != 0.0);
                 parts.fold(0.0, |w: f64, (x, (f, f1))| w.max((f / x).abs()).max((f1 / x).abs().sqrt()))
             },
@@ -135,7 +134,7 @@ impl Start {
         for (s, (f, f1)) in scale.iter_mut().zip(f.iter().zip(&f1)) {
             *s = s.max(tau * f.abs()).max(0.5 * tau * tau * f1.abs());
         }
-        // Forcing that is zero just now shows itself a little later.
+        // Forcing that is zero at this instant appears a little later.
         field.eval(arc.mode, arc.at, 0.5 * tau, arc.x, &mut f1);
         scale.iter_mut().zip(&f1).for_each(|(s, f)| *s = s.max(tau * f.abs()));
         let largest = scale.iter().copied().fold(0.0, f64::max);
@@ -202,7 +201,7 @@ impl Integrator for Diffsol {
             .build()
             .map_err(|e| fault(self.method, when(system, arc, 0.0), unit, &e))?;
         let options = &mut problem.ode_options;
-        // Counted over a solver's life by diffsol, and no sign of trouble.
+        // diffsol counts this over the lifetime of a solver, and it indicates no error.
         options.max_nonlinear_solver_failures = usize::MAX;
         options.max_error_test_failures = 1000;
         options.min_timestep = SMALLEST;
@@ -210,8 +209,8 @@ impl Integrator for Diffsol {
         let mut run = Run { system, arc, field, span, unit, method: self.method, pieces, rtol: self.rtol, from: 0.0 };
         run.begin(end);
         let outcome = match self.method {
-            // Backward differences start at order 1, with positions and velocities that agree to the tolerance only: too
-            // coarse to tell on which side of a guard an arc begins, and for flights lower than the tolerance.
+            // Backward differences start at order 1. The positions and velocities agree to the tolerance only: too coarse to decide the
+            // side of a guard at the start of an arc, and for flights lower than the tolerance.
             Method::Bdf => problem.esdirk34::<LS>().and_then(|first| {
                 let until = START_UP.max(100.0 * START_UP * start.first_order);
                 let under_way = run.drive(first, |_| 3, 1.0, until, end, visit);
@@ -227,25 +226,25 @@ impl Integrator for Diffsol {
     }
 }
 
-/// Span of the one-step start-up of backward differences, in its own first steps, and at least a hundred times as many
-/// steps of order 1. The error of such a step, a h²/2 with a the acceleration, is about the tolerance; a flight that lasts
-/// beyond the start-up is a thousand times higher.
+/// Span of the one-step start-up of backward differences, in units of its first step. It is at least a hundred times the step of order 1.
+/// The error of such a step, a h²/2 with a the acceleration, is about the tolerance; a flight that lasts beyond the start-up is a thousand
+/// times higher.
 const START_UP: f64 = 10.0;
 /// Shortest step, in units of the first one.
 const SMALLEST: f64 = 1e-12;
 
-/// One arc under way.
+/// State of the integration of one arc.
 struct Run<'a> {
     system: &'a dyn HybridSystem,
     arc: &'a Arc<'a>,
     field: &'a dyn VectorField,
     span: f64,
-    /// The solver's unit of time, s.
+    /// Unit of time of the solver, s.
     unit: f64,
     method: Method,
     pieces: &'a mut Pieces,
     rtol: f64,
-    /// How far the arc has come, in units.
+    /// Progress on the arc, in units of time of the solver.
     from: f64,
 }
 
@@ -266,8 +265,8 @@ impl<'a> Run<'a> {
         self.pieces.begin(&self.place());
     }
 
-    /// Steps `solver` on from the state in `end`, the first time by `step` units, until `limit` units are reached. `degree` is
-    /// that of its interpolant on the last step. `true`: the arc goes on.
+    /// Steps `solver` from the state in `end`, with `step` units as first step, until `limit` units are reached. `degree` is that of its
+    /// interpolant on the last step. Returns `true` if the arc continues.
     #[allow(clippy::too_many_arguments)]
     fn drive<'p, E, S>(
         &mut self,
@@ -307,7 +306,7 @@ impl<'a> Run<'a> {
             if to <= from {
                 return Err(IntegrateError::StepTooSmall { t: t(from), step: unit * (to - from) });
             }
-            // `end` still holds the state at the step's start.
+            // `end` still holds the state at the start of the step.
             let degree = degree(&solver).clamp(1, dense::STATE_DEGREE);
             let samples = &mut self.pieces.step;
             samples.clear();

@@ -1,6 +1,6 @@
-//! Integrators: they offer dense steps along one smooth arc and know nothing of events or gears.
+//! Integrators of dense steps along one smooth arc, independent of events and gears.
 //!
-//! One arc is one call. Nothing of a solver can survive a jump, because the call does not.
+//! One arc is one call, so no state of a solver can survive a jump.
 
 mod choice;
 mod dense;
@@ -23,84 +23,83 @@ use relay::Relay;
 pub use taylor::Taylor;
 pub(crate) use taylor::{advances, gathered, is_over};
 
-/// One accepted step with its dense output, in the step's own clock `θ ∈ [0, 1]`.
+/// One accepted step with its dense output, in its clock `θ ∈ [0, 1]`.
 #[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait DenseStep {
-    /// When the step starts.
+    /// Returns the instant at the start of the step.
     fn start(&self) -> Instant;
-    /// Elapsed time `t(θ) − t(0)`, s; monotone up to the first event.
+    /// Returns the elapsed time `t(θ) − t(0)`, s; monotone up to the first event.
     fn time(&self, theta: f64) -> f64;
-    /// Rate of the clock `dt/dθ`, s.
+    /// Returns the rate of the clock `dt/dθ`, s.
     fn rate(&self, theta: f64) -> f64;
-    /// State at `θ` into `x` `[dim]`.
+    /// Writes the state at `θ` into `x` `[dim]`.
     fn state(&self, theta: f64, x: &mut [f64]);
-    /// State at `θ` as `x + low`, each `[dim]`.
+    /// Writes the state at `θ` as `x + low`, each `[dim]`.
     fn state_in_two(&self, theta: f64, x: &mut [f64], low: &mut [f64]) {
         self.state(theta, x);
         low.fill(0.0);
     }
-    /// Elapsed time at which [`state_in_two`](Self::state_in_two) holds, s.
+    /// Returns the elapsed time at which [`state_in_two`](Self::state_in_two) holds, s.
     fn time_in_two(&self, theta: f64) -> Wide {
         self.time(theta).into()
     }
-    /// The guards of the mode.
+    /// Returns the guards of the mode.
     fn guards(&self) -> &[GuardId];
-    /// Guard `i` as a polynomial in θ, coefficients in rising powers.
+    /// Returns guard `i` as a polynomial in θ, coefficients in rising powers.
     fn guard(&self, i: usize) -> &[f64];
-    /// Bounds on the error of guard `i`: of its polynomial on `[0, 1]`, and of rounding where a value is
-    /// computed from scratch.
+    /// Returns bounds on the error of guard `i`: of its polynomial on `[0, 1]`, and of rounding where a value is computed from scratch.
     fn guard_error(&self, i: usize) -> (f64, f64);
-    /// The part of the first of these bounds that has been left out on request. Equal contacts leave out the same: it makes no two
-    /// events one.
+    /// Returns the part of the first of these bounds that is truncation on request. It is the same for equal contacts, so it never merges
+    /// two events into one.
     fn left_out(&self, i: usize) -> f64 {
         0.0
     }
-    /// What its arc has made before the step.
+    /// Returns the data of the arc before the step.
     fn before(&self) -> Before<'_> {
         Before::default()
     }
-    /// Rounding of guard `i` where its value is formed from the state alone.
+    /// Returns the rounding of guard `i` if its value is formed from the state alone.
     fn guard_rounding(&self, i: usize) -> f64 {
         self.guard_error(i).1
     }
-    /// Rounding that guard `i` may have gathered by `theta` since the arc, or the part of it that one method integrates, began,
-    /// in its physical units: an estimate from the sizes of its terms; zero where the step does not know. The
-    /// first `zeros` derivatives of it are exactly zero at the step's start, its value the zeroth.
+    /// Estimates the rounding that guard `i` may have gathered by `theta`, in its physical units, from the sizes of its terms. It counts
+    /// from the start of the arc, or of the part of it that one method integrates. Zero if unknown. The first `zeros` derivatives, from the
+    /// value on, are exactly zero at the start of the step.
     fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
         0.0
     }
-    /// Keeps what the state at `theta` alone holds with less precision, for the next [`Arc`]; nothing unless the step knows it.
+    /// Keeps values that the state at `theta` alone holds less precisely, for the next [`Arc`]; by default none.
     fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
         carried.clear();
     }
-    /// A quantity as a polynomial in θ, coefficients in rising powers, into `row`, empty for zero; `false` where the step does not
-    /// know it, and it has to be interpolated.
+    /// Writes a quantity as a polynomial in θ, coefficients in rising powers, into `row`, empty for zero. Returns `false` if the step does
+    /// not know it; then it has to be interpolated.
     fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
         false
     }
-    /// A power at the places `thetas`; `false` where the step does not know it, and it has to be formed from the state.
+    /// Writes a power at the places `thetas`; returns `false` if the step does not know it, and it has to be formed from the state.
     fn sample(&self, what: Power, thetas: &Samples, values: &mut Samples) -> bool {
         false
     }
-    /// `Some(h)` if the clock is plain time, `t = h θ`.
+    /// Returns `Some(h)` if the clock is plain time, `t = h θ`.
     fn plain_span(&self) -> Option<f64>;
-    /// Whether the errors of the guards are estimates; they are proven bounds otherwise.
+    /// Returns whether the errors of the guards are estimates and not proven bounds.
     fn is_estimate(&self) -> bool {
         true
     }
-    /// In a clock of its own: rate of guard `i` in time at `θ`, and the error of its value, both in the guard's
-    /// physical units (its polynomial may be that of a root). `None` where the polynomial says it all.
+    /// Returns, for a clock other than time, the time derivative of guard `i` at `θ` and the error of its value. Both are in physical units
+    /// (the polynomial may be that of a root). `None` if the polynomial contains all of this.
     fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
         None
     }
-    /// First three derivatives in time of guard `i` at the step's start, in the guard's physical units over s, s² and s³.
-    /// `None` where the step's series do not tell them.
+    /// Returns the first three time derivatives of guard `i` at the start of the step, in its physical units over s, s² and s³. `None` if
+    /// the series of the step do not give them.
     fn guard_derivatives_in_time(&self, i: usize) -> Option<[f64; 3]> {
         in_plain_time(self.guard(i), self.plain_span()?)
     }
 }
 
-/// Three derivatives at the start of a series in `t/h`.
+/// Returns the first three derivatives at the start of a series in `t/h`.
 fn in_plain_time(series: &[f64], h: f64) -> Option<[f64; 3]> {
     let [_, first, second, third, ..] = *series else { return None };
     Some([first / h, 2.0 * second / (h * h), 6.0 * third / (h * h * h)])
@@ -109,58 +108,58 @@ fn in_plain_time(series: &[f64], h: f64) -> Option<[f64; 3]> {
 /// A smooth arc to integrate.
 #[derive(Clone, Copy)]
 pub struct Arc<'a> {
-    /// The mode it runs in.
+    /// Mode of the arc.
     pub mode: &'a Mode,
-    /// Its motion, where that knows its own Taylor series.
+    /// Motion of the mode, if its Taylor series is known.
     pub motion: Option<&'a dyn JetField>,
-    /// Where it starts.
+    /// Instant of the start.
     pub at: Instant,
-    /// State there, `[dim]`.
+    /// State at the start, `[dim]`.
     pub x: &'a [f64],
-    /// What the state is beyond the rounding of `x`, `[dim]`; empty: nothing.
+    /// Part of the state below the rounding of `x`, `[dim]`; empty for zero.
     pub low: &'a [f64],
-    /// What the step before it kept; empty if nothing.
+    /// Values kept by the step before the arc; empty if none.
     pub carried: &'a [f64],
-    /// Guards that are exactly zero there.
+    /// Guards that are exactly zero at the start.
     pub pinned: &'a GuardSet,
-    /// Guards whose rate is exactly zero there.
+    /// Guards whose rate is exactly zero at the start.
     pub still: &'a GuardSet,
-    /// Where it ends unless the visitor stops it.
+    /// Instant of the end, unless the visitor stops earlier.
     pub bound: Instant,
     /// Truncation of a step, relative to the size of each component: [`FULL_PRECISION`](crate::hybrid::FULL_PRECISION), or more on
     /// request.
     pub tolerance: f64,
-    /// What the same arc has made before.
+    /// Data of the part of the same arc before this one.
     pub before: Before<'a>,
 }
 
-/// The steps that an arc has made before the part at hand.
+/// Steps of an arc before the current part.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Before<'a> {
-    /// Their number.
+    /// Number of steps.
     pub steps: u32,
-    /// The largest size of each component at their starts; empty without any.
+    /// Largest size of each component at the starts of these steps; empty without any.
     pub extent: &'a [f64],
-    /// What they have left out, as [`Jet::left_out`](crate::hybrid::Jet::left_out) tells it.
+    /// Truncation of these steps, as in [`Jet::left_out`](crate::hybrid::Jet::left_out).
     pub left_out: [f64; 2],
 }
 
-/// Why an arc could not be integrated.
+/// Failure of the integration of an arc.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IntegrateError {
     /// The state or its series is not finite.
     #[error("the solution stops being finite at t = {t} s")]
     NotFinite {
-        /// When, s.
+        /// Time, s.
         t: f64,
     },
     /// No progress: the step fell below the resolution of time.
     #[error("the step at t = {t} s falls below {step:e} s")]
     StepTooSmall {
-        /// When, s.
+        /// Time, s.
         t: f64,
-        /// The step, s.
+        /// Step, s.
         step: f64,
     },
     /// The method needs Taylor coefficients and the flow has none.
@@ -169,17 +168,17 @@ pub enum IntegrateError {
     /// The method is not part of this build.
     #[error("{method} is not part of this build: it needs the cargo feature `diffsol`")]
     NotBuilt {
-        /// Which method.
+        /// Name of the method.
         method: &'static str,
     },
     /// The solver behind the method gave up.
     #[error("{method} fails at t = {t} s: {reason}")]
     Solver {
-        /// Which method.
+        /// Name of the method.
         method: &'static str,
-        /// When, s.
+        /// Time, s.
         t: f64,
-        /// What it said.
+        /// Message of the solver.
         reason: String,
     },
 }
@@ -187,13 +186,13 @@ pub enum IntegrateError {
 /// Integrates smooth arcs.
 #[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait Integrator {
-    /// Name for logs.
+    /// Returns the name for logs.
     fn name(&self) -> &'static str;
-    /// Integrates one arc, handing every step to `visit`, until the bound or until the visitor breaks off.
-    /// On return at the bound, `end + low` is the state there, each `[dim]`; an empty `low` asks for no low part.
+    /// Integrates one arc, passing every step to `visit`, until the bound or until the visitor stops. At the bound, `end + low` is the
+    /// state there, each `[dim]`; an empty `low` requests no low part.
     ///
     /// # Errors
-    /// [`IntegrateError`]; what was visited until then stands.
+    /// [`IntegrateError`]; the steps visited before remain valid.
     fn integrate_arc(
         &mut self,
         system: &dyn HybridSystem,
@@ -202,12 +201,12 @@ pub trait Integrator {
         low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError>;
-    /// Whether `mode` is left to the series of its motion, to rounding: the motion may then tell its way to the next event at once.
-    /// `arc` is how long the arc at hand is at most, s.
+    /// Returns whether `mode` is integrated by the series of its motion, to rounding, so that leaps may replace steps. `arc` is the longest
+    /// possible duration of the current arc, s.
     fn is_exact(&mut self, system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
         false
     }
-    /// The integrator each mode met so far got, where the choice is made mode by mode; empty elsewhere.
+    /// Returns the integrator of each mode so far, if it is chosen for each mode; otherwise empty.
     fn chosen(&self) -> Vec<(Mode, &'static str)> {
         Vec::new()
     }

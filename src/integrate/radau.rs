@@ -1,8 +1,7 @@
-//! Radau IIA with nine stages, order 17: steps that pass over fast motion that is not there.
+//! Radau IIA with nine stages, order 17: steps across fast rates that the motion does not show.
 //!
-//! The collocation polynomial `X(θ)` of degree 9 has `X(0) = x` and `X′(c_i) = h f(t + c_i h, X(c_i))`. Its Chebyshev
-//! coefficients tell how well it follows the motion: a free oscillation of amplitude δ that is stepped over shows as
-//! 0.185 δ in the last one.
+//! The collocation polynomial `X(θ)` of degree 9 has `X(0) = x` and `X′(c_i) = h f(t + c_i h, X(c_i))`. Its Chebyshev coefficients measure
+//! its accuracy: a free oscillation of amplitude δ that is stepped over appears as 0.185 δ in the last one.
 
 use std::sync::LazyLock;
 
@@ -10,32 +9,32 @@ use nalgebra::{DMatrix, DVector, Dyn, LU, SMatrix};
 
 use crate::hybrid::{Instant, Mode, VectorField};
 
-/// Stages.
+/// Number of stages.
 pub(super) const STAGES: usize = 9;
 /// Nodes of the polynomial: the start and the stages.
 const NODES: usize = STAGES + 1;
-/// Part of a component's size that a last coefficient may have.
+/// Largest last coefficient relative to the size of a component.
 pub(super) const RESOLVED: f64 = 2e-14;
-/// An amplitude over the last coefficient that it shows as.
+/// Ratio of a hidden amplitude to the last coefficient that it causes.
 pub(super) const HIDDEN: f64 = 1.0 / 0.185;
-/// Newton's corrections end below this part of the size, or where they fall no more below ten times this.
+/// Final size of Newton's corrections, relative to the component. Ten times this suffices if the corrections stop falling.
 const CONVERGED: f64 = 0.05 * RESOLVED;
-/// Newton's corrections must fall by this factor, or the matrix is made anew.
+/// Factor by which Newton's corrections must fall, or the matrix is recomputed.
 const FALL: f64 = 0.05;
 const MAX_CORRECTIONS: usize = 16;
 
-/// The method: nodes, weights, the way from node values to Chebyshev coefficients.
+/// The method: nodes, weights, and the map from node values to Chebyshev coefficients.
 #[derive(Clone, Debug)]
 pub struct Tableau {
     /// `c_i`, rising, the last one 1.
     pub nodes: [f64; STAGES],
     /// `a_ij`; the last row are the weights.
     pub weights: SMatrix<f64, STAGES, STAGES>,
-    /// Values at 0 and at the nodes to coefficients of `T_k(2θ − 1)`.
+    /// Map from values at 0 and at the nodes to coefficients of `T_k(2θ − 1)`.
     chebyshev: SMatrix<f64, NODES, NODES>,
 }
 
-/// The zeros of Jacobi's `P_8^(1,0)` and 1, on `[0, 1]`: the nodes of Radau's quadrature.
+/// Returns the zeros of Jacobi's `P_8^(1,0)` and 1, on `[0, 1]`: the nodes of Radau's quadrature.
 fn nodes() -> [f64; STAGES] {
     let value = |x: f64| {
         let (mut before, mut now) = ((0.0, 0.0), (1.0, 0.0));
@@ -53,7 +52,7 @@ fn nodes() -> [f64; STAGES] {
         let mut x = -libm::cos(std::f64::consts::PI * (i as f64 + 0.5) / STAGES as f64);
         for _ in 0..50 {
             let (p, slope) = value(x);
-            // Newton's method on what is left when the zeros found are divided out.
+            // Newton's method, with the zeros already found divided out.
             let others: f64 = found[..i].iter().map(|y| 1.0 / (x - (2.0 * y - 1.0))).sum();
             let step = p / (slope - p * others);
             x -= step;
@@ -66,7 +65,7 @@ fn nodes() -> [f64; STAGES] {
     found
 }
 
-/// `B A⁻¹` with a step of refinement.
+/// Returns `B A⁻¹` with a step of refinement.
 fn over<const N: usize>(b: &SMatrix<f64, N, N>, a: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
     // The bases are orthogonal or nearly so: their matrices have inverses.
     let inverse = a.try_inverse().unwrap_or_else(SMatrix::identity);
@@ -104,7 +103,7 @@ impl Default for Tableau {
     }
 }
 
-/// Where a step starts.
+/// Start of a step.
 #[derive(Clone, Copy)]
 pub(super) struct From<'a> {
     pub field: &'a dyn VectorField,
@@ -113,10 +112,10 @@ pub(super) struct From<'a> {
     pub x: &'a [f64],
 }
 
-/// Formed once: engines are many.
+/// The method, computed once for all engines.
 static TABLEAU: LazyLock<Tableau> = LazyLock::new(Tableau::default);
 
-/// Steps and their working space.
+/// Radau step with its working space.
 #[derive(Debug)]
 pub(super) struct Radau {
     tableau: &'static Tableau,
@@ -135,8 +134,8 @@ impl Default for Radau {
 }
 
 impl Radau {
-    /// One step of length `h`; `sizes` are those of the components. The largest last coefficient, over [`RESOLVED`] times
-    /// its component's size; `None` if Newton's method fails.
+    /// Attempts a step of length `h`; `sizes` are those of the components. Returns the largest ratio of a last coefficient to [`RESOLVED`]
+    /// times the size of its component; `None` if Newton's method fails.
     pub fn attempt(&mut self, from: From<'_>, h: f64, sizes: &[f64]) -> Option<f64> {
         let d = from.x.len();
         self.z = DVector::zeros(STAGES * d);
@@ -189,7 +188,7 @@ impl Radau {
         self.lu = Some(m.lu());
     }
 
-    /// Newton's correction of the stages.
+    /// Returns the correction of the stages by Newton's method.
     fn correction(&mut self, from: From<'_>, h: f64) -> Option<DVector<f64>> {
         let d = from.x.len();
         let x = &mut self.scratch[..d];
@@ -207,13 +206,13 @@ impl Radau {
         self.lu.as_ref()?.solve(&residual)
     }
 
-    /// The state at the step's end, into `x`, which holds the one at its start.
+    /// Replaces the state `x` at the start of the step by the state at its end.
     pub fn advance(&self, x: &mut [f64]) {
         let d = x.len();
         x.iter_mut().enumerate().for_each(|(i, x)| *x += self.z[(STAGES - 1) * d + i]);
     }
 
-    /// The polynomial in powers of θ, row k the coefficients of `θᵏ`; `powers` are those of `T_k(2θ − 1)`.
+    /// Writes the polynomial in powers of θ, row k the coefficients of `θᵏ`; `powers` are those of `T_k(2θ − 1)`.
     pub fn write(&self, x: &[f64], powers: impl Fn(usize, usize) -> f64, rows: &mut Vec<f64>) {
         let d = x.len();
         rows.clear();

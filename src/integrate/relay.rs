@@ -1,4 +1,4 @@
-//! Taylor steps, and Radau steps where the motion shows no trace of the fast rates that bound Taylor's.
+//! Taylor steps, and Radau steps where the motion shows no trace of the fast rates that limit Taylor steps.
 
 use std::{collections::BTreeSet, ops::ControlFlow};
 
@@ -12,50 +12,50 @@ use crate::{
     poly::CHEBYSHEV,
 };
 
-/// Taylor steps of an arc before the first trial; twice as many after each refusal.
+/// Number of Taylor steps of an arc before the first trial; doubled after each refusal.
 const FIRST_TRIAL: u64 = 64;
-/// Relative accuracy to which guards are interpolated on a Radau step: its own.
+/// Relative accuracy of the interpolation of guards on a Radau step, equal to that of the step.
 const RTOL: f64 = 1e-13;
 
-/// Taylor steps that a Radau step must replace to be worth its linear algebra. Its matrices have the order 9 d for d
-/// components, a Taylor step costs about as much as 100 d multiplications and more.
+/// Returns the number of Taylor steps that a Radau step must replace to be worth its linear algebra. Its matrices have the order 9 d for d
+/// components; a Taylor step costs about 100 d multiplications or more.
 fn worth(dim: usize) -> f64 {
     3.0 * dim as f64 + (dim as f64).powi(3) / 8.0
 }
 
-/// The Taylor method, relieved in mid-arc by Radau IIA of order 17.
+/// The Taylor method, relieved within an arc by Radau IIA of order 17.
 ///
-/// A stiff contact holds a Taylor step to some radians of its own frequency, even where all that frequency has died away.
-/// After 64 steps of an arc a Radau step of many times their mean length is tried. It is taken if its polynomial
-/// follows the motion to `2e-14` of the sizes that the system names ([`sizes`](HybridSystem::sizes)), and goes on as long
-/// as its steps are long enough to be worth it. Motion that hides below that is stepped over; guards bear it as uncertainty.
+/// A stiff contact limits a Taylor step to some radians of its own frequency, even after that frequency has died away. After 64 steps of an
+/// arc a Radau step of many times their mean length is tried. It is accepted if its polynomial follows the motion to `2e-14` of the
+/// [`sizes`](HybridSystem::sizes). Radau continues while its steps are long enough. Motion below that is stepped over, and counts in the
+/// uncertainty of guards.
 #[derive(Debug, Default)]
 pub struct Relay {
     taylor: Taylor,
     radau: Radau,
     pieces: Pieces,
     x: Vec<f64>,
-    /// Where a leg of Taylor steps starts.
+    /// State at the start of a part integrated by Taylor steps, `[dim]`.
     leg_start: Vec<f64>,
-    /// What steps of Radau may have hidden of each component.
+    /// Amplitude of each component that Radau steps may have hidden, `[dim]`.
     unsure: Vec<f64>,
     sizes: Vec<f64>,
     ends: Vec<f64>,
     relieved: BTreeSet<Mode>,
 }
 
-/// A step that was accepted.
+/// An accepted Radau step.
 #[derive(Clone, Copy)]
 struct Taken {
     at: Instant,
     h: f64,
-    /// Its last coefficient over what is allowed.
+    /// Ratio of its last coefficient to the permitted one.
     share: f64,
-    /// The fastest rate that it may have stepped over.
+    /// Fastest rate that it may have stepped over, 1/s.
     rate: f64,
 }
 
-/// Where steps are tried.
+/// Place of a trial step.
 struct Trial<'a> {
     system: &'a dyn HybridSystem,
     arc: &'a Arc<'a>,
@@ -64,8 +64,8 @@ struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    /// The longest step from `x` up to `h` that is accepted, the state at its end in `end`. `sizes` becomes the smaller
-    /// ones of the step's ends.
+    /// Returns the longest accepted step from `x` up to `h`, with the state at its end in `end`. `sizes` becomes the smaller of the sizes
+    /// at both ends.
     fn longest(&self, radau: &mut Radau, mut h: f64, x: &[f64], sizes: &mut [f64], end: &mut [f64]) -> Option<Taken> {
         let left = self.system.clock().between(self.at, self.arc.bound);
         loop {
@@ -99,7 +99,7 @@ impl Trial<'_> {
     }
 }
 
-/// By how much the next step may be longer: the last coefficient is as h⁹; a tenth less for safety, and no leap.
+/// Returns the factor for the length of the next step: the last coefficient is as h⁹, with a tenth of margin, and at most doubling.
 fn next(share: f64) -> f64 {
     (0.9 * libm::pow(share.max(1e-9), -1.0 / 9.0)).clamp(0.3, 2.0)
 }
@@ -109,7 +109,7 @@ impl Integrator for Relay {
         "taylor"
     }
 
-    /// Radau relieves power laws alone; where one tells its way at once it needs no relief.
+    /// Returns true: Radau relieves only power laws, and a power law with an exact leap needs no relief.
     fn is_exact(&mut self, _: &dyn HybridSystem, _: &Mode, _: f64) -> bool {
         true
     }
@@ -169,7 +169,7 @@ impl Integrator for Relay {
             let shortest = worth * elapsed / steps as f64;
             loop {
                 let left = clock.between(step.at, arc.bound);
-                // What is left out of the Taylor steps on request is there as well.
+                // The hidden part includes the truncation of the Taylor steps on request.
                 let hidden = HIDDEN * RESOLVED + 2.0 * (arc.tolerance - FULL_PRECISION);
                 unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(hidden * s));
                 let leg = Arc { at: step.at, x, low: own, pinned: GuardSet::none(), still: GuardSet::none(), ..*arc };
@@ -188,7 +188,7 @@ impl Integrator for Relay {
                 at = clock.advance(step.at, step.h);
                 let trial = Trial { system, arc, at, shortest };
                 let Some(longest) = trial.longest(radau, step.h * next(step.share), x, sizes, ends) else { break };
-                // Adiabatic: a free oscillation that nobody follows has an amplitude as 1/√rate.
+                // Adiabatic: a free oscillation that is not followed has an amplitude as 1/√rate.
                 unsure.iter_mut().for_each(|u| *u *= (step.rate / longest.rate).sqrt().max(1.0));
                 step = longest;
             }

@@ -1,4 +1,4 @@
-//! The Taylor method: each step is the solution's own series, to round-off.
+//! The Taylor method: each step is the series of the solution, to round-off.
 
 use std::ops::ControlFlow;
 
@@ -10,38 +10,37 @@ use crate::hybrid::{
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
 ///
-/// A step asks for the whole remaining arc; the series itself tells how far it holds. There is no step-size
-/// memory, and a restart costs nothing.
+/// A step requests the whole remaining arc; the series itself determines its range. There is no step-size memory, and a restart costs
+/// nothing.
 #[derive(Debug, Default)]
 pub struct Taylor {
     jet: Jet,
     x: Vec<f64>,
     carried: Vec<f64>,
-    /// The largest size of each component at the starts of the arc's steps so far.
+    /// Largest size of each component at the starts of the steps of the arc so far.
     extent: Vec<f64>,
     varied: bool,
-    /// What the arc has left out so far.
+    /// Truncation of the arc so far, as in [`Jet::left_out`](crate::hybrid::Jet::left_out).
     pub(super) left_out: [f64; 2],
-    /// Uncertainties of guards that come from before the arc's present part.
+    /// Uncertainties of guards from before the current part of the arc.
     pub(super) blur: Vec<(GuardId, f64)>,
 }
 
 impl Taylor {
-    /// The same method with other step boundaries and a lower order, and with a rule of its own for how far a series holds:
-    /// for checks of the usual one.
+    /// Returns the same method with other step boundaries, a lower order, and an independent rule for the range of a series: for checks of
+    /// the usual method.
     #[must_use]
     pub fn varied() -> Self {
         Self { varied: true, ..Self::default() }
     }
 }
 
-/// Order of the varied method: odd where the usual one is even, so that a motion whose even (or odd) terms are zero does not
-/// deceive both.
+/// Order of the varied method: odd while the usual one is even. A motion whose even (or odd) terms are zero cannot deceive both.
 const VARIED_ORDER: usize = 19;
-/// Every other step of the varied method is cut to this fraction: no multiple of it meets an end of the usual steps.
+/// Fraction to which every other step of the varied method is cut: no multiple of it coincides with an end of the usual steps.
 const VARIED_CUT: f64 = 0.61;
 
-/// Largest part of the step over which every term from the varied order on is below the truncation of its component.
+/// Returns the largest part of the step over which every term from the varied order on is below the truncation of its component.
 fn holds(jet: &Jet) -> f64 {
     let mut part: f64 = 1.0;
     for i in 0..jet.dim {
@@ -56,7 +55,7 @@ fn holds(jet: &Jet) -> f64 {
     part
 }
 
-/// Cuts a step to a part of itself and drops the terms above the varied order; what is dropped counts as its error.
+/// Cuts a step to a part of itself and drops the terms above the varied order; the dropped terms count as its error.
 fn vary(jet: &mut Jet, part: f64) {
     let row = jet.order + 1;
     jet.reach *= part;
@@ -82,12 +81,12 @@ const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
 
 /// Rounding of a sum relative to its terms: a few units for each. Over the steps of an arc it grows like their root.
 const ARC_ROUNDING: f64 = 8.0 * f64::EPSILON;
-/// Weights of value, rate and acceleration: the value's terms are summed at every step and again at the event, the others at every
-/// step, and each term of an acceleration is a product.
+/// Weights of value, rate and acceleration. The terms of the value are summed at every step and again at the event, the others at every
+/// step. Each term of an acceleration is a product.
 const WEIGHTS: [f64; 3] = [4.0, 2.0, 2.0];
 
-/// Rounding that a guard may have gathered at the time `t` of an arc's step number `count`: see [`DenseStep::gathered`]. `sizes` are those
-/// of the terms of its value, rate and acceleration.
+/// Returns the rounding that a guard may have gathered at the time `t` of step number `count` of an arc: see [`DenseStep::gathered`]. The
+/// `sizes` are those of the terms of its value, rate and acceleration.
 pub(crate) fn gathered([value, rate, acceleration]: [f64; 3], count: u32, t: f64, zeros: usize) -> f64 {
     let terms = [WEIGHTS[0] * value, WEIGHTS[1] * rate * t, WEIGHTS[2] * 0.5 * acceleration * t * t];
     // The third derivative is never known exactly: the time at which an acceleration is zero is rounded.
@@ -95,17 +94,17 @@ pub(crate) fn gathered([value, rate, acceleration]: [f64; 3], count: u32, t: f64
     ARC_ROUNDING * f64::from(count).sqrt() * terms.iter().skip(known).sum::<f64>()
 }
 
-/// The resolution of an instant, s: instants are pairs of doubles.
+/// Returns the resolution of an instant, s: instants are pairs of doubles.
 fn resolution(clock: &Clock, at: Instant) -> f64 {
     RESOLUTION * clock.roughly(Instant::default(), at).abs()
 }
 
-/// Whether what is left of an arc, `span` s from `at` on, is within a few roundings of its instants: no time at all.
+/// Returns whether the rest of an arc, `span` s from `at` on, is within a few roundings of its instants, and counts as no time.
 pub(crate) fn is_over(clock: &Clock, at: Instant, span: f64) -> bool {
     span <= 4.0 * resolution(clock, at)
 }
 
-/// Whether `time` s from `at` on is progress on the `span` that is left.
+/// Returns whether `time` s from `at` on is progress on the remaining `span`.
 pub(crate) fn advances(clock: &Clock, at: Instant, time: f64, span: f64) -> bool {
     time > resolution(clock, at).max(RESOLUTION * span) || time >= span
 }
@@ -115,9 +114,9 @@ struct Step<'a> {
     jet: &'a Jet,
     blur: &'a [(GuardId, f64)],
     extent: &'a [f64],
-    /// Steps of the arc up to this one.
+    /// Number of steps of the arc up to this one.
     count: u32,
-    /// What those before have left out.
+    /// Truncation of the steps before.
     before: [f64; 2],
     field: &'a dyn JetField,
 }
@@ -155,7 +154,7 @@ impl DenseStep for Step<'_> {
         self.jet.guard(i)
     }
     fn guard_error(&self, i: usize) -> (f64, f64) {
-        // In a clock of its own a guard may be a root; its uncertainty in time says it all.
+        // For a clock other than time a guard may be a root, and its uncertainty in time contains all errors.
         let blur = if self.jet.time.is_empty() { self.blur(i) } else { 0.0 };
         (self.jet.remainder[i] + blur, self.jet.rounding[i])
     }
@@ -176,7 +175,7 @@ impl DenseStep for Step<'_> {
     }
     fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
         let sizes = self.field.term_sizes(self.jet.guards[i], self.jet, self.extent);
-        // In a root clock that starts, time is a power of it: as many zeros are one in time.
+        // At the start of a root clock, time is a power of it: that many zeros are one zero in time.
         let power = self.jet.time.iter().position(|t| *t != 0.0).unwrap_or(1).max(1);
         gathered(sizes, self.count, self.time(theta), zeros.div_ceil(power))
     }
@@ -261,7 +260,7 @@ impl Integrator for Taylor {
             if visit(&Step { start: at, jet, blur, extent, count, before, field }).is_break() {
                 return Ok(());
             }
-            // Only now: a step that runs past the end of a contact in the root clock is cut by its event.
+            // The test comes after the visit: a step beyond the end of a contact in the root clock is cut by its event.
             if !advances(clock, at, elapsed, span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }

@@ -1,8 +1,8 @@
-//! A step of a linear mode of which nobody looks at more than where it leads.
+//! Step of a linear mode of which only the end is needed.
 //!
-//! Series, reach and rows are those of the step, and so is the way: the same bits. What is left out is what most steps do not need. A
-//! guard that the sizes of its terms keep from zero gets no row; of the others the first that falls is taken, where it falls alone. Where
-//! anything is left to decide, the step itself decides.
+//! Series, reach, rows and result equal those of the full step, bit for bit. Work that most steps do not need is omitted. A guard that
+//! stays clear of zero by the sizes of its terms gets no row. The first of the others that falls is the event, if it falls alone. In all
+//! other cases the step itself decides.
 
 use smallvec::SmallVec;
 
@@ -23,21 +23,21 @@ use crate::{
 const SUMMED: f64 = ROW as f64 * f64::EPSILON;
 /// Widest fall that counts as decided, relative to the step: at full precision, in units of the truncation, and at most.
 const SHARP: [f64; 3] = [1e-11, 1e5, 1e-2];
-/// Times its width, or its error, that everything else is away from a fall.
+/// Least distance of a fall from all other candidates, in its widths or its errors.
 const APART: f64 = 8.0;
-/// The change of a slope over the width of a fall, relative to it: beyond, the fall is tangential.
+/// Relative change of a slope over the width of a fall above which the fall is tangential.
 const TANGENTIAL: f64 = 1e-3;
 
-/// A number for each contact, in fours.
+/// Numbers of the contacts, in fours.
 type Fours = SmallVec<[[f64; LANES]; 4]>;
 
-/// A guard that the sizes of its terms do not keep from zero.
+/// Guard that may reach zero by the sizes of its terms.
 struct Doubtful {
-    /// Its number in the mode.
+    /// Number of the guard in the mode.
     number: usize,
     tail: f64,
     rounding: f64,
-    /// Its rounding where nothing is carried on from the step before.
+    /// Rounding of the guard if nothing is carried on from the step before.
     afresh: f64,
 }
 
@@ -48,22 +48,22 @@ impl Doubtful {
     }
 }
 
-/// The first fall of a step.
+/// First fall of a guard on a step.
 struct Fall {
-    /// Its place among the doubtful guards.
+    /// Index among the doubtful guards.
     place: usize,
-    /// Of the guard, by θ.
+    /// Value of the guard; derivatives are with respect to θ.
     value: f64,
     slope: f64,
     curvature: f64,
     error: f64,
-    /// In θ.
+    /// Uncertainty of the place, in θ.
     width: f64,
     zeros: usize,
 }
 
 impl Fall {
-    /// The fall of a guard at `theta`; `None` where it is tangential, or wide.
+    /// Returns the fall of a guard at `theta`; `None` if it is tangential or wide.
     #[inline(always)]
     fn new(place: usize, series: &Deflated<'_>, theta: f64, truncation: f64) -> Option<Self> {
         let [value, slope, curvature] = poly::eval_with_derivatives(series.p, theta);
@@ -89,7 +89,7 @@ impl Fall {
 }
 
 impl Expansion<'_> {
-    /// Sizes of the terms that the step adds to each deflection.
+    /// Returns the sizes of the terms that the step adds to each deflection.
     #[inline(always)]
     fn added<P: Path>(&self, path: P, work: &[f64], powers: &Powers) -> Fours {
         let mut all = Fours::new();
@@ -105,14 +105,14 @@ impl Expansion<'_> {
         all
     }
 
-    /// The first three derivatives in time of a guard of position at the start.
+    /// Returns the first three time derivatives of a guard of position at the start.
     fn derivatives(&self, watched: &Watched, powers: &Powers, jet: &Jet) -> [f64; 3] {
         let h = jet.span * jet.reach;
         let term = |k: usize| watched.along() * jet.work[self.layout.deflection(watched.contact, k)] * powers[k];
         [term(1) / h, 2.0 * term(2) / (h * h), 6.0 * term(3) / (h * h * h)]
     }
 
-    /// The guards at the start of the step, into `leap`, and those that are not clear of zero on it, with their rows.
+    /// Writes the guards at the start of the step into `leap`. Returns those that are not clear of zero on it, with their rows.
     #[inline(always)]
     fn doubtful(&self, powers: &Powers, added: &[f64], tail: &Tail, leap: &mut Leap) -> SmallVec<[Doubtful; 8]> {
         let (Leap { starts, jet, .. }, s) = (leap, self.s);
@@ -149,7 +149,7 @@ impl Expansion<'_> {
             if !is_clear {
                 doubtful.push(Doubtful { number, tail, rounding, afresh });
             }
-            // What follows impacts asks for them.
+            // Impact sequences need them.
             let derivatives =
                 if c.spec.law.is_rigid() { self.derivatives(watched, powers, jet) } else { [f64::NAN; 3] };
             starts.push(Known { guard: id, value: start, error: afresh, terms, derivatives });
@@ -157,7 +157,7 @@ impl Expansion<'_> {
         doubtful
     }
 
-    /// The guards at the end of the step, where the deflections have `gained` so much.
+    /// Forms the guards at the end of the step, from the changes `gained` of the deflections.
     fn ends(
         &self,
         doubtful: &[Doubtful],
@@ -177,7 +177,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// The state at `theta` as [`Jet::state_at`] forms it.
+    /// Evaluates the state at `theta` as [`Jet::state_at`] does.
     #[inline(always)]
     fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
         let orders = &jet.work[self.layout.orders..self.layout.orders + ROW * self.layout.stride];
@@ -195,7 +195,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// The N fours of displacements and velocities at `s`, into `x`.
+    /// Writes the N fours of displacements and velocities at `s` into `x`.
     #[inline(always)]
     fn horner<P: Path, const N: usize>(&self, path: P, orders: &[f64], s: f64, x: &mut [f64]) {
         let (n, by) = (self.s.n, path.all(s));
@@ -215,7 +215,7 @@ impl Expansion<'_> {
 }
 
 impl Motion<'_> {
-    /// What the deflections have gained at `theta` of a step.
+    /// Returns the changes of all deflections from the start of a step to `theta`.
     #[inline(always)]
     pub(super) fn gained<P: Path>(&self, path: P, step: &Jet, theta: f64) -> Fours {
         let mut all = Fours::new();
@@ -231,7 +231,7 @@ impl Motion<'_> {
         all
     }
 
-    /// Where the step from `request` leads; `false` where the step itself has to decide.
+    /// Computes the end of the step from `request` into `leap`. Returns `false` where the step itself has to decide.
     #[inline(always)]
     pub(super) fn bare<P: Path>(&self, path: P, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
         let s = self.structure;
@@ -269,9 +269,9 @@ impl Motion<'_> {
             }
         }
         leap.is_bound = first.is_none() && jet.time_at(1.0) >= request.span * (1.0 - ARRIVED);
-        // No other guard, and no end of the arc, is where the first one falls.
+        // No other guard, and no end of the arc, may coincide with the first fall.
         let width = first.as_ref().map_or(0.0, |fall| fall.width);
-        // Neither does it fall with it, nor is it near: what an event takes for near is the value itself, its exact zeros included.
+        // No other guard falls with it or is near: an event judges nearness by the value itself, exact zeros included.
         let mut is_alone = true;
         if first.is_some() || leap.is_bound {
             for (series, guard) in rows.iter().zip(&doubtful) {

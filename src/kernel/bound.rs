@@ -1,4 +1,4 @@
-//! How long a step may be, what its series leave out, and the error of every row read from it.
+//! Longest span of a step, truncation of its series, and error of each row that is read from it.
 //!
 //! Norm of the state: `‖x‖ = max_i √M_ii max(Ω |q_i|, |q̇_i|)` with `Ω² = ‖A_q‖` of `q̈ = A_q q + A_v q̇ + f`.
 //! Then `‖A x‖ ≤ L ‖x‖` with `L = Ω + ‖A_v‖`. The series `x_N` of a step of length H, cut after order N, leaves the defect
@@ -19,9 +19,9 @@ use crate::{
 
 /// Largest ρ, which keeps `1/(1 − ρ)` below four.
 const LARGEST_RATIO: f64 = 0.75;
-/// Times the truncation may exceed what was asked for, before the step is shortened.
+/// Factor by which the truncation may exceed the requested one before the step is shortened.
 const EXCESS: f64 = 2.0;
-/// Truncation where rounding is kept, relative to the one asked for: it has one sign, and ε in each of N periods is up to `ε N²/2`
+/// Truncation where rounding is kept, relative to the requested one: it has one sign, and ε in each of N periods is up to `ε N²/2`
 /// in the end.
 const FINER: f64 = 1e-5;
 /// Least order whose remainders [`Amplitude::top`] bounds.
@@ -38,16 +38,16 @@ const INVERSE_FACTORIAL: [f64; ROW + 1] = {
     f
 };
 
-/// A little less than `x^(1/k)` for `x > 0`, within 7 %: the exponent and the leading bits divided by k.
+/// Returns slightly less than `x^(1/k)` for `x > 0`, within 7 %: the exponent and the leading bits divided by k.
 ///
-/// The double's bits are a piecewise linear logarithm, off by at most 0.0861 in log₂, twice over in the quotient.
+/// The bits of a double are a piecewise linear logarithm, with an error of at most 0.0861 in log₂, and twice that in the quotient.
 pub(super) fn root_below(x: f64, k: usize) -> f64 {
     const ONE: i64 = 1023 << 52;
     let bits = (x.to_bits() as i64 - ONE) / k as i64 + ONE;
     f64::from_bits(bits as u64) * 0.94
 }
 
-/// Bound on `Σ_{l≥m} zˡ/l!`, given its first term.
+/// Returns a bound on `Σ_{l≥m} zˡ/l!`, given its first term.
 fn exponential_tail(z: f64, m: usize, first: f64) -> f64 {
     let ratio = z / (m + 1) as f64;
     first * if ratio < 0.5 { 1.0 / (1.0 - ratio) } else { libm::exp(z) }
@@ -56,7 +56,7 @@ fn exponential_tail(z: f64, m: usize, first: f64) -> f64 {
 /// Sums over the harmonics `a cos(ωt + φ)` of one row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Amplitude {
-    /// `Σ |a|`.
+    /// Sum `Σ |a|`.
     pub sum: f64,
     /// `Σ |a| (ω/Ω)^16` with Ω the fastest frequency of loads and errors: the terms of order N ≥ 16 are at most `top (ΩH)ᴺ/N!`.
     pub top: f64,
@@ -69,18 +69,18 @@ impl Amplitude {
     }
 }
 
-/// The forcing of a structure, in sums.
+/// Sums over the forcing of a structure.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Forcing {
-    /// The fastest frequency Ω of loads and errors, rad/s.
+    /// Fastest frequency Ω of loads and errors, rad/s.
     fastest: f64,
     /// Harmonic loads as weighted accelerations, `max_i √M_ii |a_i|`.
     load: Amplitude,
-    /// The errors of each contact: e, ė, ë.
+    /// Errors of each contact: e, ė, ë.
     pub errors: Vec<[Amplitude; 3]>,
     /// `min (1/ω) (Σ|e|/|e_ω|)^(1/25)` over all errors that are watched, s: the step on which each wave stays resolved.
     span: f64,
-    /// The largest ë over [`Contact::across`].
+    /// Largest ë over [`Contact::across`].
     pub swing: f64,
     /// Row sums of the weighted `M⁻¹K` and `M⁻¹C` without contacts.
     rows: [Vec<f64>; 2],
@@ -129,23 +129,23 @@ impl Forcing {
     }
 }
 
-/// What the truncated terms add at most, anywhere on the step.
+/// Bounds on the contributions of the truncated terms, anywhere on the step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tail {
-    /// To the weighted velocities, `√M_ii |v_i|`.
+    /// Contribution to the weighted velocities, `√M_ii |v_i|`.
     pub velocity: f64,
-    /// To the weighted displacements, `√M_ii |q_i|`.
+    /// Contribution to the weighted displacements, `√M_ii |q_i|`.
     pub displacement: f64,
-    /// `zᴺ/N!` and `zᴺ⁺¹/(N+1)!` of the fastest load or error: what a cosine leaves out after order N − 1 and N. Stiffness waves have their own
-    /// ([`product_tail`](Expansion::product_tail)).
+    /// `zᴺ/N!` and `zᴺ⁺¹/(N+1)!` of the fastest load or error: truncation of a cosine after order N − 1 and N. Stiffness waves have a
+    /// bound of their own ([`product_tail`](Expansion::product_tail)).
     pub waves: [f64; 2],
     /// `‖A_q‖`, `‖A_v‖` and the forcing's top amplitude, without the contacts at rest.
     pub free: [f64; 3],
-    /// In a root clock the bounds of its own.
+    /// Bounds of a step in a root clock; `None` in plain time.
     pub rooted: Option<Defect>,
 }
 
-/// The smooth flow of a mode in numbers.
+/// Norms and amplitudes of the smooth flow of a mode.
 #[derive(Debug)]
 pub(super) struct Growth {
     /// `‖A_q‖`, 1/s², and `‖A_v‖`, 1/s.
@@ -156,12 +156,12 @@ pub(super) struct Growth {
     free: [f64; 3],
     /// Norm of the projection by contacts at rest; 1 without.
     projection: f64,
-    /// Fastest frequency of a stiffness that a force is carried or watched by, rad/s.
+    /// Fastest frequency of a stiffness by which a force is carried or watched, rad/s.
     swing: f64,
 }
 
 impl Growth {
-    /// The structure, the linear contacts that carry force, the projection by those at rest.
+    /// Forms the norms of the structure, the linear contacts that carry force and the projection by the contacts at rest.
     pub fn new(s: &Structure, forcing: &Forcing, parts: &[Part], held: Option<&Sticking>) -> Self {
         let [mut by_q, mut by_v] = forcing.rows.clone();
         let (mut total, mut swing) = (forcing.load, 0.0);
@@ -195,12 +195,12 @@ impl Growth {
 }
 
 impl Growth {
-    /// Ω, 1/s.
+    /// Returns Ω, 1/s.
     pub fn frequency(&self) -> f64 {
         self.norms[0].sqrt()
     }
 
-    /// L, 1/s.
+    /// Returns L, 1/s.
     pub fn rate(&self) -> f64 {
         self.frequency() + self.norms[1]
     }
@@ -211,13 +211,13 @@ impl Growth {
 fn keep_largest(largest: &mut [f64; LANES], row: &[f64], weights: &[f64; LANES]) {
     for l in 0..LANES {
         let size = row[l].abs() * weights[l];
-        // A comparison that vectors have. NaN is left to the check of the whole step.
+        // This comparison exists as a vector instruction. The check of the whole step finds NaN.
         largest[l] = if size > largest[l] { size } else { largest[l] };
     }
 }
 
-/// Sums `term` over the contacts at rest; `norm` is the weighted acceleration that the multipliers answer a unit of
-/// contact `k`'s free acceleration with, `max_i Σ_j √M_ii |M⁻¹g_j|_i |W⁻¹|_jk`.
+/// Sums `term` over the contacts at rest. `norm` is the weighted acceleration by the multipliers for a unit of
+/// the free acceleration of contact `k`, `max_i Σ_j √M_ii |M⁻¹g_j|_i |W⁻¹|_jk`.
 fn project_norms(s: &Structure, held: &Sticking, term: impl Fn(usize, f64) -> f64) -> f64 {
     let contacts = held.contacts();
     (0..contacts.len())
@@ -230,7 +230,7 @@ fn project_norms(s: &Structure, held: &Sticking, term: impl Fn(usize, f64) -> f6
 }
 
 impl Expansion<'_> {
-    /// The weighted size of the rates at order `k`, those of the contacts included.
+    /// Returns the weighted size of the rates at order `k`, those of the contacts included.
     #[inline(always)]
     pub(super) fn size(&self, k: usize, out: &Jet) -> f64 {
         // (δ̇)_k = (k+1) δ_{k+1}/h in plain time; in a root clock the same up to the weight, which is of order one.
@@ -243,13 +243,13 @@ impl Expansion<'_> {
         self.velocity_size(k, out).max(largest_of(&largest) * per_time)
     }
 
-    /// The weighted size of the velocities at order `k`.
+    /// Returns the weighted size of the velocities at order `k`.
     #[inline(always)]
     pub(super) fn velocity_size(&self, k: usize, out: &Jet) -> f64 {
         self.state_size(k, self.layout.velocities, self.s.n, out)
     }
 
-    /// That of a part of the state, which starts at `in_order` in an order of a linear mode, else at `in_state` in a row of the state.
+    /// Returns the size of a part of the state, which starts at `in_order` in an order of a linear mode, else at `in_state` in a row.
     #[inline(always)]
     fn state_size(&self, k: usize, in_order: usize, in_state: usize, out: &Jet) -> f64 {
         let s = self.s;
@@ -265,8 +265,8 @@ impl Expansion<'_> {
         largest_of(&largest)
     }
 
-    /// The longest `θ ≤ 1` on which the series hold to the tolerance, and what they leave out there; `None` if the coefficients
-    /// overflowed. Plain time.
+    /// Returns the largest `θ ≤ 1` up to which the series hold to the tolerance in plain time, and their truncation there; `None` if the
+    /// coefficients overflowed.
     #[inline(always)]
     pub(super) fn plain_reach(&self, out: &Jet) -> Option<(f64, Tail)> {
         let flow = &self.motion.growth;
@@ -276,7 +276,7 @@ impl Expansion<'_> {
         let growth = flow.norms[0].sqrt() + flow.norms[1];
         let fastest = self.motion.forcing.fastest;
         let steps = (ORDER + 1) as f64;
-        // What the terms of order N and N + 1 are at reach one; forcing below the smallest double does not count.
+        // Terms of order N and N + 1 at reach one; forcing below the smallest double does not count.
         let order = ORDER as i32;
         let wave = flow.forcing.top * (fastest * self.h).powi(order) * INVERSE_FACTORIAL[ORDER];
         let scale = (growth * last + wave) * self.h / steps;
@@ -323,7 +323,7 @@ impl Expansion<'_> {
         Some((reach, tail))
     }
 
-    /// The step rule of an earlier version, which missed events: the last two orders of a contact's rate are taken from the same
+    /// Returns the reach by the step rule of an earlier version, which missed events: the last two orders of a rate come from the same
     /// coefficient, and forces of contacts at rest do not count. For tests of the verification.
     fn old_reach(&self, allowed: impl Fn(f64) -> f64, out: &Jet) -> (f64, f64) {
         let size = |k: usize| match k {
@@ -339,7 +339,7 @@ impl Expansion<'_> {
         (reach, 3.0 * last[0].max(last[1]) * reach.powi(ORDER as i32 - 1))
     }
 
-    /// `‖x_N‖`.
+    /// Returns `‖x_N‖`.
     #[inline(always)]
     fn last_size(&self, out: &Jet) -> f64 {
         let displacement = self.state_size(ORDER, 0, 0, out);
@@ -361,7 +361,7 @@ impl Expansion<'_> {
         Tail { velocity, displacement, waves: [wave, wave * z / steps], free: flow.free, rooted: None }
     }
 
-    /// Bound on what the varying parts of all stiffnesses add to weighted accelerations in orders `from` and more.
+    /// Returns a bound on the weighted accelerations by the varying parts of all stiffnesses in orders `from` and more.
     fn varying_tail(&self, from: usize, reach: f64, out: &Jet) -> f64 {
         if !self.motion.is_varying {
             return 0.0;
@@ -371,7 +371,7 @@ impl Expansion<'_> {
         carried.map(|(j, (_, c))| c.push_norm * self.product_tail(j, from, reach, out)).sum()
     }
 
-    /// Bound on the terms of order `from` and more of `k(t) p` of contact `j` that come from the varying part of k.
+    /// Returns a bound on the terms of order `from` and more of `k(t) p` of contact `j` by the varying part of k.
     fn product_tail(&self, j: usize, from: usize, reach: f64, out: &Jet) -> f64 {
         let (c, h) = (&self.s.contacts[j], self.h * reach);
         let slope = match self.motion.parts[j].force() {
@@ -384,7 +384,7 @@ impl Expansion<'_> {
         for m in 1..=from + 1 {
             terms[m] = terms[m - 1] * z / m as f64;
         }
-        // Terms k_l with l ≥ m meet the penetration at order `from − m`.
+        // Terms k_l with l ≥ m multiply the penetration at order `from − m`.
         let mut varied = c.swing.0 * exponential_tail(z, from + 1, terms[from + 1]);
         let (mut sum, mut power) = (0.0, 1.0);
         let rows = out.work[self.layout.deflection(j, 1)..].iter().step_by(LANES);
@@ -394,13 +394,13 @@ impl Expansion<'_> {
             sum += stretch.abs() * power * varied;
             power *= reach;
         }
-        // A slope is the term k₁, which meets orders `from − 1` and more.
+        // A slope is the term k₁, which multiplies orders `from − 1` and more.
         let last = |k: usize| self.stretch(j, k, &out.work).abs() * reach.powi(k as i32);
         sum + if slope == 0.0 { 0.0 } else { slope * (from - 1..=ORDER).map(last).sum::<f64>() }
     }
 
-    /// The tail, and what the arc's steps before have left out: an error of the velocities moves the bodies for as long as the step
-    /// takes. At full precision this is less than their rounding, and does not count.
+    /// Returns the tail plus the truncation of earlier steps of the arc: an error of the velocities displaces the bodies during the step
+    /// too. At full precision this is less than the rounding, and does not count.
     pub(super) fn with_left_out(&self, mut tail: Tail, out: &mut Jet) -> Tail {
         out.left_out = [0.0; 2];
         let [moved, speed] = self.request.left_out;
@@ -420,7 +420,7 @@ impl Expansion<'_> {
         tail
     }
 
-    /// What the tail adds to the deflection of contact `j`, m.
+    /// Returns the contribution of the tail to the deflection of contact `j`, m.
     #[inline(always)]
     pub(super) fn deflection_tail(&self, j: usize, tail: &Tail) -> f64 {
         if let Some(defect) = &tail.rooted {
@@ -429,17 +429,17 @@ impl Expansion<'_> {
         self.s.contacts[j].across * tail.displacement + self.motion.forcing.errors[j][0].top * tail.waves[1]
     }
 
-    /// What it adds to the rate of contact `j`, of which order N is missing too, m/s.
+    /// Returns the contribution of the tail to the rate of contact `j`, m/s; order N of the rate is missing too.
     pub(super) fn rate_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
         if let Some(defect) = &tail.rooted {
-            // At the step's own time.
+            // At the time of the step itself.
             return defect.rate * self.s.contacts[j].across + defect.time * self.motion.forcing.errors[j][2].sum;
         }
         let last = self.velocity_size(ORDER, out) * out.reach.powi(ORDER as i32);
         self.s.contacts[j].across * (last + tail.velocity) + self.motion.forcing.errors[j][1].top * tail.waves[0]
     }
 
-    /// What it adds to the force of contact `j`, N: `k δ + c δ̇` of a linear law.
+    /// Returns the contribution of the tail to the force `k δ + c δ̇` of contact `j` with a linear law, N.
     pub(super) fn linear_force_tail(&self, j: usize, damping: f64, tail: &Tail, out: &Jet) -> f64 {
         let c: &Contact = &self.s.contacts[j];
         let varying = match tail.rooted {
@@ -449,7 +449,7 @@ impl Expansion<'_> {
         c.stiffest * self.deflection_tail(j, tail) + damping * self.rate_tail(j, tail, out) + varying
     }
 
-    /// What it adds to the force that holds contact `j` at rest, N: `|W⁻¹|` times the tails of the free accelerations.
+    /// Returns the contribution of the tail to the force that holds contact `j` at rest, N: `|W⁻¹|` times tails of free accelerations.
     pub(super) fn held_force_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
         if let Some(defect) = &tail.rooted {
             return defect.of_force(self.s, &self.s.contacts[j]);

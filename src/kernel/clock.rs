@@ -1,4 +1,4 @@
-//! The clock of a step while power laws are closed, and which contacts leave together in it.
+//! Clock of a step while power laws are closed, and the contacts that leave together in it.
 
 use super::{Expansion, Force, Motion, RATE, ROW, guards::ROUNDING, product};
 use crate::gear::contact::PowerLaw;
@@ -11,69 +11,69 @@ use crate::gear::contact::PowerLaw;
 /// - The root y of the penetration of its owner, `p = y^root`, `w = root y^(root−1)`: it passes through the end of a contact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct StepClock {
-    /// The contact whose penetration it is a root of.
+    /// Contact of whose penetration the clock is a root.
     pub owner: Option<usize>,
-    /// 1 in plain time.
+    /// Order of the root; 1 in plain time.
     pub root: u32,
-    /// Without an owner, s at the start of the step.
+    /// Value of the root s at the start of the step, without an owner.
     pub start: f64,
-    /// Of so many orders in a row at least one has a term, where nothing but the contact acts.
+    /// Number of successive orders of which at least one has a term, if only the contact acts.
     pub window: usize,
-    /// The longest time of a step, s.
+    /// Longest duration of a step, s.
     pub span: f64,
-    /// The time since contacts started, s; NaN if not known.
+    /// Time since contacts started, s; NaN if unknown.
     pub since: f64,
 }
 
 impl StepClock {
-    /// Time itself, where no power law is closed.
+    /// Plain time, where no power law is closed.
     pub const TIME: Self = Self { owner: None, root: 1, start: 0.0, window: 2, span: f64::INFINITY, since: f64::NAN };
 
-    /// Time itself.
+    /// Returns whether the clock is plain time.
     pub fn is_plain(&self) -> bool {
         self.root == 1
     }
 
-    /// The clock is a root of the penetration of contact `j`.
+    /// Returns whether the clock is a root of the penetration of contact `j`.
     pub fn is_root_of(&self, j: usize) -> bool {
         self.owner == Some(j) && self.root > 1
     }
 
-    /// How many terms its weight has.
+    /// Returns the number of terms of the weight `w`.
     pub fn terms(&self) -> usize {
         if self.owner.is_some() && self.root > 1 { ROW } else { self.root as usize }
     }
 }
 
-/// Largest root of time. A series of order 24 in it has 24 over this powers of time, and above 6 the root of a penetration takes fewer steps.
+/// Largest root of time. A series of order 24 in it has 24/root powers of time; above 6 the root of a penetration takes fewer steps.
 const MOST: u32 = 6;
 
-/// The least common multiple of two roots, in which contacts of both start as series; where it is above [`MOST`], the larger one.
+/// Returns the least common multiple of two roots, in which contacts of both start as series, or the larger root if it is above [`MOST`].
 fn common(a: u32, b: u32) -> u32 {
     let least = (a..=MOST).step_by(a as usize).find(|m| m.is_multiple_of(b));
     least.unwrap_or(a.max(b))
 }
 
-/// A contact this many usual spans from its boundary is near it.
+/// Distance of a contact to its boundary, in usual spans, below which it is near.
 const NEAR: f64 = 1.5;
-/// And this many after its start it is no longer.
+/// Time since the start of a contact, in usual spans, from which it is no longer near.
 const STARTED: f64 = 6.0;
-/// A start counts as near if the time since then is at most this many times the time to the nearest boundary. The start itself is at `p/ṗ`,
-/// which is a little less than the time since then.
+/// Largest ratio of the time since a start to that to the nearest boundary at which the start counts as near. The start itself is at
+/// `p/ṗ`, slightly less than the time since then.
 const BEHIND: f64 = 2.0;
-/// Contacts whose times to their boundaries differ by less than this part of them are equally near.
+/// Relative difference of the times to their boundaries below which contacts are equally near.
 const EQUAL: f64 = 1e-6;
-/// What contacts that leave together may leave out of a power of their penetrations, relative to it: a tenth of the truncation of a step.
+/// Truncation of a power of the penetrations of contacts that leave together, relative to it: a tenth of that of a step.
 const TOGETHER: f64 = 1e-17;
-/// Radians of the stiffest mode, by its bound, in a usual span.
+/// Length of a usual span, in radians of the stiffest mode by its bound.
 const RADIANS: f64 = 2.5;
-/// Usual spans that the clock of a step is scaled to.
+/// Length to which the clock of a step is scaled, in usual spans.
 const LONGEST: f64 = 4.0;
 
 impl Motion<'_> {
-    /// Whether contact `j` leaves together with the `owner` of a root clock, which comes before it: planets in phase do. In the root of one
-    /// penetration alone another one has a branch point beside its end. `p_jⁿ = pⁿ + n pⁿ⁻¹ d + …`, `d = p_j − p`, has none, and what
-    /// follows is at most `(4 d)ⁿ`. `x` is the state at the start of the step.
+    /// Returns whether contact `j` leaves together with the `owner` of a root clock, which has a lower number: planets in phase do. In the
+    /// root of one penetration alone, another one has a branch point beside its end. `p_jⁿ = pⁿ + n pⁿ⁻¹ d + …` with `d = p_j − p` has
+    /// none, and the rest is at most `(4 d)ⁿ`. `x` is the state at the start of the step.
     pub(super) fn goes_with(&self, owner: Option<usize>, j: usize, x: &[f64], work: &[f64]) -> bool {
         let Some(i) = owner.filter(|i| *i < j) else { return false };
         let s = self.structure;
@@ -96,21 +96,21 @@ impl Motion<'_> {
 }
 
 impl Expansion<'_> {
-    /// The clock of the step. None if all power laws that are closed are just leaving.
+    /// Returns the clock of the step; `None` if all closed power laws leave at this instant.
     pub(super) fn step_clock(&self, work: &[f64]) -> Option<StepClock> {
         let (s, motion, request) = (self.s, self.motion, self.request);
         let mut nearest: Option<(f64, usize, PowerLaw)> = None;
-        // The common root of the contacts that start here, with the first of them, and the root of all that have one of time.
+        // Common root of the contacts that start here, with the first of them, and the root of all that have a root of time.
         let (mut starting, mut root, mut stiffness) = (None, 1, motion.growth.frequency().powi(2));
         for (j, part) in motion.parts.iter().enumerate().filter(|(_, part)| part.is_pressed()) {
             let Some(Force::Power { law, stiffness: k, .. }) = part.force() else { continue };
             let p = (part.side * work[self.layout.stretches + j]).max(0.0);
             let rate = part.side * self.rate(j, 0, &request.x[s.n..], work);
             if p <= 0.0 && rate < 0.0 {
-                // It leaves at this very instant; its clock would run backwards.
+                // The contact leaves at this very instant; its clock would run backwards.
                 continue;
             }
-            // A penetration within its rounding is as near as one can be, whatever the rate.
+            // A penetration within its rounding counts as nearest, whatever the rate.
             let c = &s.contacts[j];
             let time = match p {
                 _ if p <= 0.0 => 0.0,
@@ -125,7 +125,7 @@ impl Expansion<'_> {
             if p > 0.0 {
                 stiffness += c.push_norm * c.across * k * law.exponent.value() * law.exponent.power(p) / p;
             }
-            // Of those that are as near the first one.
+            // Of equally near contacts, the first one.
             if nearest.is_none_or(|(t, ..)| time < (1.0 - EQUAL) * t) {
                 nearest = Some((time, j, law));
             }
@@ -153,7 +153,7 @@ impl Expansion<'_> {
         Some(if owner.is_some() { StepClock { owner, root: law.exponent.q, window, ..plain } } else { plain })
     }
 
-    /// A first guess of the clock's span: it reaches the bound in time, or is longer than any step.
+    /// Returns a first guess of the span of the clock: it reaches the bound in time, or is longer than any step.
     pub(super) fn clock_span(&self, clock: &StepClock, work: &[f64]) -> f64 {
         let span = self.request.span.min(clock.span);
         let q = f64::from(clock.root);
@@ -172,7 +172,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// The weight of a clock that depends on no contact, and y at the start of one that does.
+    /// Writes the weight of a clock that depends on no contact, and y at the start of a clock that does.
     pub(super) fn begin_clock(&self, clock: &StepClock, work: &mut [f64]) {
         let (layout, q) = (self.layout, clock.root as usize);
         if let Some(owner) = clock.owner.filter(|_| q > 1) {
@@ -190,7 +190,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// `y`, its powers and `w = q y^(q−1)` at order `k`, by the `rate` of the owner at the order before.
+    /// Forms `y`, its powers and `w = q y^(q−1)` at order `k`, from the `rate` of the owner at the order before.
     pub(super) fn clock_series(&self, owner: usize, root: u32, rate: f64, k: usize, work: &mut [f64]) {
         let (layout, q) = (self.layout, root as usize);
         if k > 0 {

@@ -17,12 +17,12 @@ use crate::{
     vectors::Path,
 };
 
-/// Room for the series.
+/// Buffers of the series.
 #[derive(Debug, Default)]
 pub(super) struct Room {
-    /// Of the contacts.
+    /// Series of the contacts.
     pub fours: Vec<FourSeries>,
-    /// Of displacements, velocities and accelerations, in blocks of four, order by order; zero beyond the last degree of freedom.
+    /// Displacements (then velocities, accelerations) in blocks of four, order by order; zero beyond the last degree of freedom.
     pub displacements: Vec<Four>,
     pub velocities: Vec<Four>,
     pub accelerations: Vec<Four>,
@@ -31,7 +31,7 @@ pub(super) struct Room {
 }
 
 impl Expansion<'_> {
-    /// All coefficients: in the `clock` of a step with closed power laws, else in plain time.
+    /// Forms all coefficients: in the `clock` of a step with closed power laws, else in plain time.
     #[inline(always)]
     pub(super) fn in_clock<P: Path>(&self, path: P, clock: Option<&StepClock>, out: &mut Jet) {
         macro_rules! sizes {
@@ -45,7 +45,7 @@ impl Expansion<'_> {
         sizes!(1 2 3 4 5 6);
     }
 
-    /// The recurrence on B blocks of degrees of freedom together, several such panels in large trains.
+    /// Runs the recurrence on B blocks of degrees of freedom together, several such panels in large trains.
     #[inline(always)]
     fn recur<P: Path, const B: usize>(&self, path: P, clock: Option<&StepClock>, out: &mut Jet) {
         let (presses, clock) = (clock.is_some(), clock.unwrap_or(&StepClock::TIME));
@@ -67,7 +67,7 @@ impl Expansion<'_> {
         for group in &compiled.groups {
             groups.push(group.view());
         }
-        // Every number is written before it is read, but for zeros beyond the last degree of freedom and the last contact.
+        // Every number is written before it is read, except zeros beyond the last degree of freedom and the last contact.
         let Room { fours, displacements, velocities, accelerations, forces } = &mut *self.motion.room.borrow_mut();
         fours.resize_with(groups.len(), FourSeries::default);
         forces.resize(LANES * fours.len(), 0.0);
@@ -143,7 +143,7 @@ impl Expansion<'_> {
         fours.iter().enumerate().for_each(|(chunk, four)| self.keep(chunk, four, work));
     }
 
-    /// Writes the series of four contacts one after the other, as far as they are not there.
+    /// Writes those series of four contacts, one after the other, that are not yet in the working space.
     #[inline(always)]
     fn keep(&self, chunk: usize, four: &FourSeries, work: &mut [f64]) {
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
@@ -166,7 +166,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// Rates of four contacts at order `k`, and their deflections, the integrals of `w δ̇`, w of so many terms.
+    /// Forms the rates of four contacts at order `k`, and their deflections, the integrals of `w δ̇`; w has a given number of terms.
     #[inline(always)]
     fn rates<P: Path, const B: usize>(
         &self,
@@ -177,7 +177,7 @@ impl Expansion<'_> {
         v: &[[Four; B]],
         work: &mut [f64],
     ) {
-        // One sum in the order of the bodies: what is equal stays equal to the last bit.
+        // One sum in the order of the bodies: equal contacts stay equal to the last bit.
         let mut rate = path.all(0.0);
         for (panel, directions) in group.panels.iter().zip(group.directions) {
             for b in 0..B {
@@ -212,8 +212,8 @@ impl Expansion<'_> {
         }
     }
 
-    /// What the contacts of four do, from their penetrations at order zero on. A closed power law `presses` unless it is leaving at this
-    /// very instant.
+    /// Sets the kind, the constants and order zero of each contact of `four`, from its penetration. A closed power law `presses` unless it
+    /// leaves at this very instant.
     fn begin(&self, (clock, presses): (&StepClock, bool), chunk: usize, four: &mut FourSeries, work: &mut [f64]) {
         let layout = self.layout;
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
@@ -270,7 +270,7 @@ impl Expansion<'_> {
         ];
     }
 
-    /// The forces of four contacts along their directions that are carried at order `k`.
+    /// Returns the carried forces of four contacts along their directions at order `k`.
     #[inline(always)]
     fn forces<P: Path>(
         &self,
@@ -282,7 +282,7 @@ impl Expansion<'_> {
         work: &mut [f64],
     ) -> [f64; LANES] {
         let rate = path.four(four.rate[k]);
-        // What the laws give, and what of it is carried.
+        // Forces by the laws, and their carried parts.
         let [mut laws, mut carried] = [path.all(0.0); 2];
         if four.has_power {
             let by_rate = path.times(path.four(four.chi), path.four(four.side));
@@ -321,7 +321,7 @@ impl Expansion<'_> {
         carried
     }
 
-    /// The forces at order `k` of contacts whose stiffness is a series; those at rest follow from the accelerations.
+    /// Forms the forces at order `k` of contacts whose stiffness is a series; those at rest follow from the accelerations.
     #[inline(never)]
     fn other_forces(&self, chunk: usize, four: &FourSeries, k: usize, carried: &mut [f64; LANES], work: &mut [f64]) {
         for (l, _) in four.does.iter().enumerate().filter(|(_, does)| matches!(does, Does::Else)) {
@@ -331,7 +331,7 @@ impl Expansion<'_> {
             else {
                 continue;
             };
-            // Formed where it is zero too: a stiffness that varies and its stretch are read again at later orders.
+            // Formed even if it is zero: later orders read a varying stiffness and its stretch again.
             let formed = self.spring(j, stiffness, k, work) + damping * four.rate[k][l];
             let force = if k == 0 && self.pinned(j, Watch::Force) { 0.0 } else { formed };
             work[self.layout.of(j, FORCE) + k] = force;
@@ -339,7 +339,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// `k(t) (δ − σ b)` at order `k`.
+    /// Returns `k(t) (δ − σ b)` at order `k`.
     pub(super) fn spring(&self, j: usize, stiffness: Elasticity, k: usize, work: &mut [f64]) -> f64 {
         let layout = self.layout;
         let (s, p) = (layout.of(j, STIFFNESS), layout.of(j, PENETRATION));
@@ -347,7 +347,7 @@ impl Expansion<'_> {
         let at_order = match (stiffness, &self.s.contacts[j].spring) {
             (Elasticity::Constant(value), _) => return value * stretch,
             (Elasticity::Ramp { .. }, _) if k == 0 => self.s.stiffness_at(j, stiffness, self.request.at).0,
-            // The elapsed time in the step's clock, times the slope.
+            // Elapsed time in the clock of the step, times the slope.
             (Elasticity::Ramp { slope, .. }, _) => slope * self.h / k as f64 * work[layout.clock + k - 1],
             (_, Spring::Waves(mean, stiffness)) => waves(if k == 0 { *mean } else { 0.0 }, stiffness, k, work),
             (_, spring) => unreachable!("{stiffness:?} of {spring:?}"),

@@ -1,4 +1,4 @@
-//! Columns of a propagator: what a unit of one input adds to a quantity over a span, as Bernstein coefficients.
+//! Columns of a propagator: contribution of a unit of one input to a quantity over a span, as Bernstein coefficients.
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
@@ -11,22 +11,22 @@ use crate::{
     vectors::{Path, Work},
 };
 
-/// Most powers of θ that a column is made from.
+/// Maximum number of powers of θ from which a column is formed.
 pub(super) const MOST_POWERS: usize = 56;
 
-/// The columns of a quantity, F fours each. Where many are zero the others are kept alone, with the term that each belongs to.
+/// Columns of a quantity, F fours each. If many are zero, only the others are kept, each with the index of its term.
 #[derive(Debug)]
 pub(super) struct Columns {
-    /// `None`: each in its place.
+    /// Term of each column; `None` if all columns are kept, in order.
     terms: Option<Box<[u8]>>,
     fours: Box<[[f64; 4]]>,
 }
 
-/// Part of the columns that may be zero before they are left out: to look up a term takes as long as a few products.
+/// Share of nonzero columns above which all columns are kept: a look-up of a term takes as long as a few products.
 const FULL: f64 = 0.75;
 
 impl Columns {
-    /// Of `all` columns.
+    /// Forms the list from `all` columns.
     pub fn new(all: &[Numbers<MOST_FOURS>], fours: usize) -> Self {
         let is_other = |term: &usize| largest(&all[*term]) > 0.0;
         let others: Vec<usize> = (0..all.len()).filter(is_other).collect();
@@ -38,14 +38,14 @@ impl Columns {
         }
     }
 
-    /// Terms and columns.
+    /// Iterates over the terms and their columns.
     #[inline(always)]
     pub fn iter<const F: usize>(&self) -> impl Iterator<Item = (usize, &Numbers<F>)> {
         let term = |i: usize| self.terms.as_ref().map_or(i, |terms| usize::from(terms[i]));
         self.fours.as_chunks::<F>().0.iter().enumerate().map(move |(i, column)| (term(i), column))
     }
 
-    /// `Σ columns_i z_i`.
+    /// Returns `Σ columns_i z_i`.
     #[inline(always)]
     pub fn combine<P: Path, const F: usize>(&self, path: P, z: &[f64]) -> Row<P, F> {
         let mut row = [path.all(0.0); F];
@@ -71,12 +71,12 @@ fn add<P: Path, const F: usize>(path: P, z: f64, column: &Numbers<F>, row: &mut 
     }
 }
 
-/// The largest coefficient.
+/// Returns the size of the largest coefficient.
 pub(super) fn largest(column: &[[f64; 4]]) -> f64 {
     column.as_flattened().iter().fold(0.0, |m: f64, c| m.max(c.abs()))
 }
 
-/// What the powers of θ are as Bernstein coefficients of their Chebyshev series cut after the degree of F fours, and what is cut.
+/// Bernstein coefficients of the Chebyshev series of the powers of θ, cut after the degree of F fours, and sizes of the cut parts.
 struct Powers<const F: usize> {
     high: [Numbers<F>; MOST_POWERS],
     low: [Numbers<F>; MOST_POWERS],
@@ -159,11 +159,11 @@ impl<const F: usize> Powers<F> {
     }
 }
 
-/// Bernstein coefficients of `Σ series_k θᵏ⁻¹` cut after the degree of so many fours, five or six, and a bound on what is cut of them.
+/// Bernstein coefficients of `Σ series_k θᵏ⁻¹`, cut after the degree of five or six fours, and a bound on the cut part.
 pub(super) struct Conversion<'a> {
     pub series: &'a [Wide],
     pub fours: usize,
-    /// The rounding of doubles does.
+    /// True if the rounding of doubles suffices.
     pub is_coarse: bool,
 }
 

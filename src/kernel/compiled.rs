@@ -1,4 +1,4 @@
-//! A mode as its recurrences read it: blocks of four degrees of freedom, and contacts four at a time, as columns.
+//! Form of a mode for its recurrences: blocks of four degrees of freedom, and contacts by fours, as columns.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use std::{borrow::Cow, cell::RefCell, rc::Rc};
@@ -12,7 +12,7 @@ use crate::{
 /// Four numbers in memory.
 pub(super) type Four = [f64; LANES];
 
-/// Columns of several fours each, and the number of what each is multiplied by.
+/// Columns of several fours each, and the index of the factor of each.
 #[derive(Debug, Default)]
 struct Columns {
     of: Vec<usize>,
@@ -20,7 +20,7 @@ struct Columns {
 }
 
 impl Columns {
-    /// With the columns of a number, if any of them is not zero.
+    /// Adds the columns of index `of`, if any of them is not zero.
     fn add(&mut self, of: usize, columns: impl IntoIterator<Item = Four>) {
         let first = self.fours.len();
         self.fours.extend(columns);
@@ -31,7 +31,7 @@ impl Columns {
         }
     }
 
-    /// The numbers, and the columns of each: as many as M, of N fours.
+    /// Returns the indices, and for each its M columns of N fours.
     #[inline(always)]
     fn list<const N: usize, const M: usize>(&self) -> (&[usize], &[[[Four; N]; M]]) {
         let columns = self.fours.as_chunks::<N>().0.as_chunks::<M>().0;
@@ -40,35 +40,35 @@ impl Columns {
     }
 }
 
-/// A mode as its recurrences read it: blocks of four degrees of freedom, and contacts four at a time.
+/// Form of a mode for its recurrences: blocks of four degrees of freedom, and contacts by fours.
 ///
 /// `q̈ = A_q q + A_v q̇ + f − Σ push F`, `δ̇ = direction · q̇ − ė`, `F = stiffness · (δ − σ b) + damping · δ̇`.
 #[derive(Debug)]
 pub(super) struct Compiled {
-    /// All degrees of freedom, in panels of equal size.
+    /// Degrees of freedom, in panels of equal size.
     pub blocks: Box<[Blocks]>,
-    /// Blocks in a panel, at most as many as a recurrence is compiled for. Those beyond the last degree of freedom are zero.
+    /// Number of blocks in a panel, for which a recurrence is compiled. Blocks beyond the last degree of freedom are zero.
     pub together: usize,
-    /// The contacts: of a linear mode as many fours together as its recurrence is compiled for, else one by one.
+    /// Contacts: in a linear mode as many fours together as its recurrence is compiled for, else single fours.
     pub groups: Box<[Group]>,
 }
 
-/// Some blocks of degrees of freedom.
+/// Panel of blocks of degrees of freedom.
 #[derive(Debug)]
 pub(super) struct Blocks {
     /// Diagonals of A_q and A_v.
     by_q: Box<[Four]>,
     by_v: Box<[Four]>,
     load: Box<[Four]>,
-    /// By degree of freedom: columns of A_q, then of A_v, off the diagonal.
+    /// Columns of A_q, then of A_v, off the diagonal, by degree of freedom.
     couplings: Columns,
-    /// By oscillator: cosine parts, then sine parts of the load.
+    /// Cosine parts, then sine parts of the load, by oscillator.
     waves: Columns,
-    /// By contact whose force is formed at each order: `−M⁻¹ g`. In a linear mode that of a varying stiffness is added by itself.
+    /// Columns `−M⁻¹ g`, by contact whose force is formed at each order. A linear mode adds forces of varying stiffness separately.
     pushes: Columns,
 }
 
-/// B blocks, as they are read at every order.
+/// View of B blocks, read at every order.
 pub(super) struct BlockRows<'a, const B: usize> {
     by_q: &'a [Four; B],
     by_v: &'a [Four; B],
@@ -79,7 +79,7 @@ pub(super) struct BlockRows<'a, const B: usize> {
 }
 
 impl Blocks {
-    /// Those of `blocks`, pushed by the contacts of which `pushes` is true.
+    /// Forms the panel of `blocks`, with the forces of the contacts for which `pushes` is true.
     fn new(s: &Structure, blocks: &[Block], pushes: impl Fn(usize) -> bool) -> Self {
         let mut all = Self {
             by_q: blocks.iter().map(|b| b.by_q).collect(),
@@ -93,7 +93,7 @@ impl Blocks {
             let parts = [0, 1].map(|part| blocks.iter().map(move |b| find(&b.couplings, i)[part]));
             all.couplings.add(i, parts.into_iter().flatten());
         }
-        // Several loads may follow one oscillator.
+        // Several loads may belong to one oscillator.
         for (load, wave) in s.load_waves.iter().enumerate() {
             let of = |b: &Block| b.waves.get(load).map_or([[0.0; LANES]; 2], |(_, cosine, sine)| [*cosine, *sine]);
             let parts = [0, 1].map(|part| blocks.iter().map(move |b| of(b)[part]));
@@ -122,7 +122,7 @@ impl Blocks {
 }
 
 impl<const B: usize> BlockRows<'_, B> {
-    /// The accelerations at order `k`: of displacements and velocities, those of the blocks `own`, of oscillators, and of forces.
+    /// Returns the accelerations at order `k` by displacements and velocities, those of the blocks `own`, by oscillators and by forces.
     #[inline(always)]
     pub fn at<P: Path>(
         &self,
@@ -165,23 +165,23 @@ impl<const B: usize> BlockRows<'_, B> {
     }
 }
 
-/// Several fours of contacts.
+/// Group of several fours of contacts.
 #[derive(Debug)]
 pub(super) struct Group {
     /// Numbers of panels: the first, and those in which some direction is not zero.
     panels: Vec<usize>,
-    /// What the velocity of each of their degrees of freedom adds to the rates.
+    /// Contribution of the velocity of each degree of freedom of these panels to the rates.
     directions: Vec<Four>,
-    /// By oscillator: what its cosine adds, then its sine.
+    /// Contributions of the cosine and of the sine of each oscillator.
     waves: Columns,
-    /// Stiffness and damping; zero where no force is carried, or by a stiffness that varies.
+    /// Stiffness and damping; zero if no force is carried, or if the stiffness varies.
     laws: Vec<[Four; 2]>,
-    /// Any of them is not zero.
+    /// True if any of these laws is not zero.
     carries: bool,
 }
 
 impl Group {
-    /// The contacts `fours`, from four number `first` on, on panels of so many blocks; `law` gives stiffness and damping.
+    /// Forms the group of the contacts `fours`, from index `first`, on panels of `together` blocks; `law` gives stiffness and damping.
     fn new(
         s: &Structure,
         together: usize,
@@ -226,29 +226,29 @@ impl Group {
     }
 }
 
-/// A group of C fours, as it is read at every order.
+/// View of a group of C fours, read at every order.
 pub(super) struct View<'a, const B: usize, const C: usize> {
-    /// Numbers of panels of B blocks.
+    /// Indices of panels of B blocks.
     pub panels: &'a [usize],
-    /// And their columns.
+    /// Columns of these panels.
     pub directions: &'a [[[[Four; C]; LANES]; B]],
     pub waves: (&'a [usize], &'a [[[Four; C]; 2]]),
-    /// Where a force is carried.
+    /// Stiffness and damping, if any law of the group is not zero.
     pub laws: Option<&'a [[Four; 2]; C]>,
 }
 
-/// The two columns of number `i`.
+/// Returns the two columns of index `i`.
 fn find(list: &[(usize, Four, Four)], i: usize) -> [Four; 2] {
     list.iter().find(|(of, ..)| *of == i).map_or([[0.0; LANES]; 2], |(_, a, b)| [*a, *b])
 }
 
 thread_local! {
-    /// What all modes share that are not linear, beside the columns that it is formed of: a large train has many modes.
+    /// Data that all modes share that are not linear, with the columns from which they are formed: a large train has many modes.
     static SHARED: RefCell<Option<(VectorColumns, Rc<Compiled>)>> = const { RefCell::new(None) };
 }
 
 impl Compiled {
-    /// Of a mode.
+    /// Returns the compiled form of a mode.
     pub fn of(s: &Structure, parts: &[Part], is_linear: bool) -> Rc<Self> {
         if is_linear {
             return Rc::new(Self::new(s, parts, true));
@@ -287,17 +287,17 @@ impl Compiled {
     }
 }
 
-/// Most fours of contacts that the recurrence is compiled for as one group.
+/// Maximum number of fours of contacts for which the recurrence is compiled as one group.
 pub(super) const MOST_GROUPED: usize = 3;
 
-/// Fours in a group: all of them, or one by one.
+/// Returns the number of fours in a group: all of them, or one.
 pub(super) fn group_size(fours: usize) -> usize {
     if fours <= MOST_GROUPED { fours.max(1) } else { 1 }
 }
 
-/// Most blocks of four degrees of freedom that the recurrences are compiled for.
+/// Maximum number of blocks of four degrees of freedom for which the recurrences are compiled.
 pub(super) const MOST_BLOCKS: usize = 6;
-/// Blocks in a panel of larger trains: few bodies move any one, and columns that are zero on a panel are left out.
+/// Blocks in a panel of larger trains: each body depends on few others, and columns that are zero on a panel are left out.
 const SPARSE: usize = 2;
-/// Degrees of freedom up to which linear modes have a recurrence of their own.
+/// Number of degrees of freedom up to which linear modes have a recurrence of their own.
 pub(super) const LARGEST: usize = LANES * MOST_BLOCKS;

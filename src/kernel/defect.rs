@@ -1,10 +1,10 @@
-//! The error of a step while power laws are closed, from its defect.
+//! Error of a step while power laws are closed, from its defect.
 //!
-//! In the clock of the step the truncated series are polynomials `z(θ)`, and what they miss in `z′ = f(z)` is known: the
+//! In the clock of the step the truncated series are polynomials `z(θ)`, and their defect in `z′ = f(z)` is known: the
 //! terms of f from order N on, `N` the last order kept. Sums of absolute coefficients bound these terms, products of
 //! all orders included. With `D = Σ_{k≥N} |d_k|/(k+1)` and B a bound on `|∂f/∂z|` over the step, the error obeys
 //! `|e|′ ≤ B|e| + |d|`, and so `|e| ≤ exp(B) D`, for the four parts of z together: the root y, the time, displacements
-//! and deflections, velocities. That is a proof up to the square of the error, which enters B, and up to rounding.
+//! and deflections, velocities. This is a proof up to the square of the error, which enters B, and up to rounding.
 //! `pⁿ` of a contact that does not own the clock is no polynomial. Its series u has the residual `R = p u′ − n p′ u`,
 //! and `|pⁿ − u| ≤ (max p/min p)ⁿ Σ|R_k|/(k+1)/min p`.
 
@@ -26,46 +26,46 @@ use crate::{
 /// Bounds on the error of a step in a root clock.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Defect {
-    /// Of the root y.
+    /// Error of the root y.
     pub root: f64,
-    /// Of the time, s.
+    /// Error of the time, s.
     pub time: f64,
-    /// Of displacements over `1/√M_ii` and of deflections over `Contact::across`.
+    /// Error of displacements over `1/√M_ii` and of deflections over `Contact::across`.
     pub stretch: f64,
-    /// Of velocities, in the same weights.
+    /// Error of velocities, in the same weights.
     pub rate: f64,
-    /// Of accelerations, in the same weights; and what an error of the stretches and one of the rates adds to them.
+    /// Error of accelerations, in the same weights. The next field: factors on it of an error of the stretches and of the rates.
     pub acceleration: f64,
     pub felt: [f64; 2],
 }
 
 impl Defect {
-    /// Of the deflection of `c`, m.
+    /// Returns the error of the deflection of `c`, m.
     pub fn of_deflection(&self, c: &Contact) -> f64 {
         self.stretch * c.across
     }
 
-    /// Of the force that holds `c`, N.
+    /// Returns the error of the force that holds `c`, N.
     pub fn of_force(&self, s: &Structure, c: &Contact) -> f64 {
         (self.acceleration * c.across + self.time * s.wave_size(&c.error, 3)) * c.effective_mass()
     }
 }
 
-/// What is the same for all lengths of a step: for each order the largest size of all bodies, contacts or oscillators. Products of such
-/// sizes are as large as those of any one of them.
+/// Data that are the same for all lengths of a step: for each order the largest size of all bodies, contacts or oscillators. Products of
+/// such sizes bound those of each single one.
 pub(super) struct Largest {
     /// Weighted velocities and accelerations.
     pub velocity: Sizes,
     acceleration: Sizes,
     /// Rates of contacts over `Contact::across`.
     rate: Sizes,
-    /// The same as weighted velocities of what the contact feels.
+    /// Rates as weighted velocities of the mass at the contact.
     pub felt: Sizes,
-    /// `|cos| + |sin|` of the oscillators.
+    /// Sum `|cos| + |sin|` of the oscillators.
     ring: Sizes,
 }
 
-/// A bound on the Jacobian of the accelerations, and what the forces leave out.
+/// Bound on the Jacobian of the accelerations, and truncation of the forces.
 #[derive(Default)]
 struct Forces {
     by_root: f64,
@@ -76,7 +76,7 @@ struct Forces {
 }
 
 impl Structure {
-    /// `Σ ωᵏ |amplitude|`.
+    /// Returns `Σ ωᵏ |amplitude|`.
     pub(super) fn wave_size(&self, waves: &[Wave], k: i32) -> f64 {
         waves.iter().map(|w| self.oscillators[w.index].omega.powi(k) * libm::hypot(w.cosine, w.sine)).sum()
     }
@@ -118,7 +118,7 @@ impl Expansion<'_> {
         largest
     }
 
-    /// The error up to `theta`, and its largest ratio to the size of what it is the error of.
+    /// Returns the largest ratio of an error up to `theta` to the size of its quantity, and the errors.
     #[inline(always)]
     pub(super) fn defect<P: Path>(
         &self,
@@ -137,7 +137,7 @@ impl Expansion<'_> {
         let owner = clock.owner.filter(|_| !clock.is_plain());
         let root = Root::new(owner.map(|owner| (owner, clock.root)), self, &powers, work);
         let w = Factor::new(sizes(&work[layout.clock..], &powers), root.left);
-        // What the products with w leave out, and the sizes of their other factor.
+        // Truncation of the products with w, and sizes of their other factor.
         let tails = tails(&w.sizes, ORDER);
         let through = |other: &Sizes| paired(other, &tails) + w.missing * total(other);
         let mut d = Defect { time: per * (w.sizes[ORDER] + w.missing), ..Defect::default() };
@@ -205,7 +205,7 @@ impl Expansion<'_> {
                 forces.by_rate += k * pressed * chi * c.across;
                 forces.by_time += k * pressed * chi * errors[j][2].sum;
                 forces.missing += k * (sums.product[l] + missing * f);
-                // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
+                // A penetration p within its rounding does not resolve speeds below p times the frequency of the contact.
                 size = size.max((e * c.spec.stiffness.mean() * pressed * p).sqrt());
                 least = least.min(p / c.across);
             }
@@ -232,7 +232,7 @@ impl Expansion<'_> {
             false => out.time.iter().zip(&powers).map(|(t, power)| t.abs() * power).sum::<f64>(),
         };
         let parts = [(rate, size), (stretch, least), (at_root, root.y.total), (time, elapsed)];
-        // Nothing moves: no error either. A comparison with NaN is false.
+        // Without motion there is no error. A comparison with NaN is false.
         let share = parts.iter().fold(0.0, |m: f64, (e, size)| match e / size {
             _ if *e == 0.0 => m,
             ratio if ratio <= m => m,
@@ -245,7 +245,7 @@ impl Expansion<'_> {
         (share, Defect { root: at_root, time, stretch, rate, acceleration, felt })
     }
 
-    /// What a linear law adds.
+    /// Adds the defect of a linear law to `forces`.
     fn linear_defect(&self, j: usize, powers: &Sizes, work: &[f64], forces: &mut Forces) {
         let (c, errors) = (&self.s.contacts[j], &self.motion.forcing.errors[j]);
         let push = c.push_norm;
@@ -266,7 +266,7 @@ impl Expansion<'_> {
         forces.missing += push * beyond(&sizes(&work[self.layout.of(j, STIFFNESS)..], powers), &penetration, ORDER + 1);
     }
 
-    /// What the product `k(t) p` of contact `j` leaves out in a root clock, N.
+    /// Returns the truncation of the product `k(t) p` of contact `j` in a root clock, N.
     pub(super) fn rooted_product_tail(&self, j: usize, out: &Jet) -> f64 {
         if !matches!(self.motion.parts[j].force(), Some(Force::Linear { stiffness, .. }) if stiffness.varies()) {
             return 0.0;
@@ -278,7 +278,7 @@ impl Expansion<'_> {
         beyond(&sizes(STIFFNESS), &sizes(PENETRATION), ORDER + 1)
     }
 
-    /// The norm of the projector that holds the rigid contacts at rest, and the part of their flanks in `forces`.
+    /// Returns the norm of the projector that holds the rigid contacts at rest, and adds the part of their flanks to `forces`.
     fn projector(&self, forces: &mut Forces) -> f64 {
         let s = self.s;
         let Some(held) = &self.motion.held else { return 1.0 };
@@ -297,15 +297,15 @@ impl Expansion<'_> {
     }
 }
 
-/// The root y of the owner's penetration, where that is the clock, and its powers.
+/// Root y of the penetration of the owner, if it is the clock, and its powers.
 struct Root<'a> {
     step: &'a Expansion<'a>,
     y: Factor,
-    /// What y², y³, … leave out.
+    /// Truncations of y², y³, ….
     missing: [f64; 17],
-    /// What w leaves out.
+    /// Truncation of w.
     left: f64,
-    /// `|∂w/∂y|`.
+    /// Bound on `|∂w/∂y|`.
     by_root: f64,
     powers: &'a Sizes,
     work: &'a [f64],
@@ -331,7 +331,7 @@ impl<'a> Root<'a> {
         Self { step, y, missing, left, by_root, powers, work }
     }
 
-    /// What `pⁿ` of the owner `j`, a product of powers of y, leaves out; adds what its force, `k` times that, depends on.
+    /// Returns the truncation of `pⁿ` of the owner `j`, a product of powers of y, and adds the Jacobian of its force `k pⁿ` to `forces`.
     fn power(&self, law: PowerLaw, k: f64, (j, penetration): (usize, Sizes), c: &Contact, forces: &mut Forces) -> f64 {
         let layout = self.step.layout;
         let p = Factor::new(penetration, 0.0);
@@ -351,9 +351,9 @@ impl<'a> Root<'a> {
         Factor::new(sizes(&self.work[at..], self.powers), left).product(&root)
     }
 
-    /// What `pⁿ + n pⁿ⁻¹ d` leaves out of `(p + d)ⁿ`, `1 < n < 2`, with d of the sizes `apart`: at most `(4 d)ⁿ`, as each of the three terms is
-    /// at most that where d is the larger one, and `n (n − 1)/2 pⁿ⁻² d²` is where p is. A d within the `rounding` of the state is none. To
-    /// that comes what the series of the product leaves out.
+    /// Returns the remainder of `(p + d)ⁿ` after `pⁿ + n pⁿ⁻¹ d`, `1 < n < 2`, with d of the sizes `apart`: at most `(4 d)ⁿ`. If d is the
+    /// larger one, each of the three terms is at most that, and if p is, `n (n − 1)/2 pⁿ⁻² d²` is. A d within the `rounding` of the state
+    /// counts as zero. The truncation of the series of the product is added.
     fn beside(&self, law: PowerLaw, apart: &Sizes, rounding: f64) -> f64 {
         let (n, m) = (law.exponent.value(), (law.exponent.p - law.exponent.q) as usize);
         let slope = Factor::new(sizes(&self.work[self.step.layout.y(m)..], self.powers), self.missing[m]);
@@ -361,7 +361,7 @@ impl<'a> Root<'a> {
     }
 }
 
-/// `exp(B) d`.
+/// Returns `exp(B) d`.
 #[inline(always)]
 fn grown<P: Path>(path: P, b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
     let mut columns = [path.all(0.0); 4];
@@ -385,7 +385,7 @@ fn grown<P: Path>(path: P, b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
     [f64::INFINITY; 4]
 }
 
-/// What the series of `pⁿ` leaves out; of all of it where it has no power series in this clock and is written as zero.
+/// Returns the truncation of the series of `pⁿ`: the whole of `pⁿ` if it has no power series in this clock and is written as zero.
 #[inline(always)]
 fn missing_power(p: &Sizes, power: &Sizes, n: f64) -> f64 {
     let zeros = p.iter().take_while(|c| **c == 0.0).count();
@@ -395,7 +395,7 @@ fn missing_power(p: &Sizes, power: &Sizes, n: f64) -> f64 {
     let first = p[zeros];
     let others: f64 = p[zeros + 1..].iter().sum();
     if power.iter().all(|c| *c == 0.0) {
-        // Of order mn in θ in place of N, so that its integral is that much larger.
+        // The term has order mn in θ in place of N, so that its integral is larger by the ratio.
         return libm::pow(first + others, n) * ROW as f64 / (zeros as f64 * n + 1.0);
     }
     let (least, most) = (first - others, first + others);

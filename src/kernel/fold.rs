@@ -1,7 +1,7 @@
 //! Equal degrees of freedom that move as one.
 //!
-//! While equal bodies and contacts are in equal states they stay so (`system/symmetry.rs`). Of each class the first one is followed; the
-//! others are its copies, and so are equal to the last bit.
+//! Equal bodies and contacts in equal states stay equal (`system/symmetry.rs`). The first one of each class is computed; the
+//! others are its copies, equal to the last bit.
 
 use super::Motion;
 use crate::{
@@ -9,17 +9,17 @@ use crate::{
     system::{Watch, guard_id},
 };
 
-/// For each degree of freedom, and for each contact, the first one that it is equal to.
+/// First degree of freedom, and first contact, that equals each one.
 #[derive(Debug)]
 pub(super) struct Fold {
     pub freedoms: Box<[usize]>,
     pub contacts: Box<[usize]>,
-    /// Some are equal.
+    /// True if some are equal.
     pub is_folded: bool,
 }
 
 impl Fold {
-    /// Of the mode; `None` where equal contacts do not do the same.
+    /// Returns the fold of the mode; `None` if equal contacts are in different states or under different laws.
     pub fn new(motion: &Motion) -> Option<Self> {
         let (s, parts) = (motion.structure, &motion.parts);
         if s.symmetry.is_empty() {
@@ -32,13 +32,13 @@ impl Fold {
         agrees.then_some(Self { freedoms, contacts, is_folded: true })
     }
 
-    /// Components of the state and contacts, equal ones once.
+    /// Returns the number of components of the state and contacts, equal ones counted once.
     pub fn outputs(&self) -> usize {
         let firsts = |of: &[usize]| of.iter().enumerate().filter(|(i, first)| *i == **first).count();
         2 * firsts(&self.freedoms) + firsts(&self.contacts)
     }
 
-    /// Whether equal bodies and contacts are in equal states where a span starts.
+    /// Returns whether equal bodies and contacts are in equal states at the start of a span.
     #[inline(always)]
     pub fn holds(&self, motion: &Motion, request: &JetRequest<'_>) -> bool {
         !self.is_folded || self.are_equal(motion, request)

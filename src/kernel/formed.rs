@@ -1,4 +1,4 @@
-//! The propagators that a thread has formed, by the numbers that they are formed of.
+//! Propagators that a thread has formed, by the numbers from which they are formed.
 
 use std::{cell::RefCell, collections::HashMap, rc::Rc};
 
@@ -14,20 +14,20 @@ use crate::{
     system::{Elasticity, Force, Spring, Watch, Wave},
 };
 
-/// Components of the state and contacts up to which a product with all columns is cheaper than a recurrence: measured on chains of 2 to 12
-/// masses with one to n walls.
+/// Largest number of components of the state and contacts for which a product with all columns is cheaper than a recurrence: measured on
+/// chains of 2 to 12 masses with one to n walls.
 const MOST_OUTPUTS: usize = 17;
-/// Degrees of freedom up to which a propagator is formed at once: runs of trains this small have few modes.
+/// Number of degrees of freedom up to which a propagator is formed at once: runs of such small trains have few modes.
 pub(super) const FEW_FREEDOMS: usize = 3;
-/// Arcs in a mode after which one for more is formed: that takes as long as some fifty of them by series.
+/// Number of arcs in a mode after which a propagator of a larger train is formed, at the cost of some fifty arcs by series.
 const WORTH_HERE: u64 = 32;
 
-/// Arcs after which a run forms the propagator of a mode whose stiffness follows the forcing: that takes as long as some hundred of its arcs by
-/// series. Such rules are for runs, not for threads: what others have formed changes no bit of this one.
+/// Number of arcs after which a run forms the propagator of a mode whose stiffness follows the forcing, at the cost of some hundred arcs
+/// by series. Such rules count per run, not per thread: propagators formed by other runs change no bit of this one.
 pub(super) const WORTH: u64 = 128;
 
 impl Motion<'_> {
-    /// The propagator of the mode, for a run that has `made` so many arcs.
+    /// Returns the propagator of the mode, for a run that has `made` these arcs.
     #[inline(always)]
     pub(super) fn propagator(&self, made: Made) -> Option<&Propagator> {
         if self.is_varying && made.arcs < WORTH || self.structure.n > FEW_FREEDOMS && made.here < WORTH_HERE {
@@ -36,7 +36,7 @@ impl Motion<'_> {
         self.propagator.get_or_init(|| self.propagate()).as_deref()
     }
 
-    /// The propagator of the mode, where it pays: few outputs, linear laws, constant stiffnesses, nothing at rest.
+    /// Forms the propagator of the mode, if it pays: few outputs, linear laws, constant stiffnesses, nothing at rest.
     fn propagate(&self) -> Option<Rc<Propagator>> {
         let s = self.structure;
         let is_simple = self.is_linear && self.held.is_none() && !s.is_conservative;
@@ -61,8 +61,8 @@ impl Motion<'_> {
         Some(propagator)
     }
 
-    /// The bits of all numbers that a propagator is formed of, in a fixed order. Places of flanks, restitution and the size of the load are
-    /// none of them.
+    /// Returns the bits of all numbers from which a propagator is formed, in a fixed order. Places of flanks, restitution and the size of
+    /// the load are not among them.
     fn numbers(&self, fold: &Fold) -> Box<[u64]> {
         let s = self.structure;
         let mut bits: Vec<u64> = Vec::with_capacity(64);
@@ -112,11 +112,11 @@ impl Motion<'_> {
     }
 }
 
-/// Propagators that a thread keeps at most: some ten kilobytes each.
+/// Maximum number of propagators that a thread keeps, some ten kilobytes each.
 const MOST_FORMED: usize = 4096;
 
 thread_local! {
-    /// The propagators formed on this thread, by their numbers: trains that differ in load or backlash alone share them, and forming one
+    /// Propagators formed on this thread, by their numbers: trains that differ in load or backlash alone share them, and forming one
     /// costs as much as some hundred spans.
     static FORMED: RefCell<HashMap<Box<[u64]>, Rc<Propagator>>> = RefCell::default();
 }

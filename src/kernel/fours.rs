@@ -4,10 +4,10 @@
 use super::{LANES, ORDER, ROW};
 use crate::{gear::contact::PowerLaw, vectors::Path};
 
-/// What a contact does in a step.
+/// Kind of the action of a contact in a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) enum Does {
-    /// Neither force nor guard.
+    /// No force and no guard.
     #[default]
     Nothing,
     /// A power law that is only watched.
@@ -16,7 +16,7 @@ pub(super) enum Does {
     Pressed,
     /// A closed power law that leaves together with the owner of the clock.
     AsOwner(PowerLaw),
-    /// A closed power law that has a way of its own: the owner of the clock, one that starts, one that leaves unfelt.
+    /// A closed power law with a recurrence of its own: the owner of the clock, one that starts, one that leaves unfelt.
     Alone(PowerLaw),
     /// A linear law of constant stiffness.
     Spring,
@@ -25,35 +25,35 @@ pub(super) enum Does {
 }
 
 impl Does {
-    /// It is a closed power law.
+    /// Returns whether the contact is a closed power law.
     pub fn presses(&self) -> bool {
         matches!(self, Self::Pressed | Self::AsOwner(_) | Self::Alone(_))
     }
 }
 
-/// Series of four contacts side by side, and their numbers.
+/// Series of four contacts side by side, and their constants.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FourSeries {
     pub rate: [[f64; LANES]; ROW],
     pub penetration: [[f64; LANES]; ROW],
-    /// `pⁿ`, the highest order first.
+    /// Coefficients of `pⁿ`, the highest order first.
     pub backward: [[f64; LANES]; ROW],
-    /// `l (n + 1) p_l`.
+    /// Products `l (n + 1) p_l`.
     pub raised: [[f64; LANES]; ROW],
     pub factor: [[f64; LANES]; ROW],
-    /// What the laws give, carried or not.
+    /// Forces by the laws, carried or not.
     pub force: [[f64; LANES]; ROW],
     pub does: [Does; LANES],
-    /// Some contact has a power law, a power with a way of its own, a linear law of constant stiffness, another law.
+    /// True if some contact has a power law. The next three: a power of its own, a linear law of constant stiffness, another law.
     pub has_power: bool,
     pub has_lone: bool,
     pub has_spring: bool,
     pub has_other: bool,
     pub side: [f64; LANES],
     pub exponent: [f64; LANES],
-    /// Of those that are [`Does::Pressed`] the penetration at the start, else 1.
+    /// Penetration at the start of contacts that are [`Does::Pressed`], else 1.
     pub start: [f64; LANES],
-    /// And its power pⁿ, else 0.
+    /// Power pⁿ of this penetration, else 0.
     pub elastic: [f64; LANES],
     pub stiffness: [f64; LANES],
     pub chi: [f64; LANES],
@@ -61,7 +61,7 @@ pub(super) struct FourSeries {
     pub spring: [f64; LANES],
     pub damping: [f64; LANES],
     pub carried: [f64; LANES],
-    /// `1/Contact::across` and `Contact::weight`.
+    /// `1/Contact::across`; the next field: `Contact::weight`.
     pub per_across: [f64; LANES],
     pub weight: [f64; LANES],
 }
@@ -97,7 +97,7 @@ impl Default for FourSeries {
 }
 
 impl FourSeries {
-    /// At order `k`, `pⁿ` of those that are pressed, and the terms of `pⁿ (1 + χ ṗ)` without the one of that order of pⁿ:
+    /// Returns `pⁿ` of pressed contacts at order `k`, and the terms of `pⁿ (1 + χ ṗ)` without that of this order of pⁿ:
     /// `k p_0 u_k = Σ (l (n + 1) − k) p_l u_{k−l}` and `Σ f_l u_{k−l}`, l from 1 on.
     #[inline(always)]
     pub fn powers<P: Path>(&mut self, path: P, k: usize) -> [P::Four; 2] {
@@ -131,26 +131,26 @@ impl FourSeries {
         [path.over(power, path.times(order, path.four(self.start))), product]
     }
 
-    /// Where `pⁿ` of order `k` is.
+    /// Returns the coefficients of `pⁿ` of order `k`.
     pub fn power(&mut self, k: usize) -> &mut [f64; LANES] {
         &mut self.backward[ORDER - k]
     }
 }
 
-/// Sums of the sizes of four contacts' series at the end of a step.
+/// Sums of the sizes of the series of four contacts at the end of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
-    /// The penetration at the start, and the sums of all terms.
+    /// Penetration at the start. The next two fields: sums of all terms.
     pub start: [f64; LANES],
     pub penetration: [f64; LANES],
     pub factor: [f64; LANES],
-    /// Of the terms of order N + 1 and more of penetration times power, and of power times factor.
+    /// Sums of the terms of order N + 1 and more of penetration times power; the next field: of power times factor.
     pub shortened: [f64; LANES],
     pub product: [f64; LANES],
 }
 
 impl FourSeries {
-    /// The sums, with the `powers` of the step's length.
+    /// Returns the sums, with the `powers` of the length of the step.
     #[inline(always)]
     pub fn sums<P: Path>(&self, path: P, powers: &[f64; ROW]) -> Sums {
         let start = path.sizes(path.four(self.penetration[0]));
@@ -178,7 +178,7 @@ impl FourSeries {
     }
 }
 
-/// `Σ w_i rows_{k−i}`; row k is `at`, and the others `stride` apart before it.
+/// Returns `Σ w_i rows_{k−i}`; row k is at `at`, and the others precede it, `stride` apart.
 #[inline(always)]
 pub(super) fn convolved<P: Path, const B: usize>(
     path: P,

@@ -8,14 +8,14 @@ use crate::{
     system::{Acting, ContactMode, Watch, guard_id, guard_of, zeros},
 };
 
-/// Rounding of a guard's value relative to the terms it is summed from: the sum itself, and what the state has
+/// Rounding of the value of a guard relative to the terms of its sum: that of the sum itself, and that which the state has
 /// gathered since the last event, a few units in the last place for each of some ten steps.
 pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// One rounding, relative to the eight that a size stands for.
+/// One rounding, relative to the eight that a size includes.
 const ONCE: f64 = 0.125;
 
-/// `Σ |c|`, four side by side.
+/// Returns `Σ |c|`, summed four side by side.
 #[inline(always)]
 fn size_of(series: &[f64]) -> f64 {
     let (fours, rest) = series.as_chunks::<4>();
@@ -27,21 +27,21 @@ fn size_of(series: &[f64]) -> f64 {
 }
 
 impl Motion<'_> {
-    /// Sizes of the terms of a guard's value, rate and acceleration: see [`JetField::term_sizes`](crate::hybrid::JetField::term_sizes).
+    /// Returns the term sizes of value, rate, acceleration of a guard: see [`JetField::term_sizes`](crate::hybrid::JetField::term_sizes).
     pub(super) fn guard_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         let (j, watch) = guard_of(id);
         let s = self.structure;
-        // A force is rounded as what it is formed from: a spring's as its deflection, a multiplier as the accelerations that it balances.
+        // The rounding of a force is that of its terms: the deflection of a spring, the accelerations balanced by a multiplier.
         let force = |a: &Acting| match (a.force, &s.contacts[a.contact]) {
             (Force::Linear { damping, .. }, c) => c.stiffest * s.deflection_size(c, x) + damping * s.rate_size(c, x),
             (Force::Held, c) => c.effective_mass() * s.acceleration_size(a.contact, std::iter::empty(), x, |_| 0.0),
-            // It is just leaving.
+            // The contact leaves at this instant.
             (Force::Power { .. }, _) if !step.is_estimate => 0.0,
             (Force::Power { .. }, _) => step.work[self.layout.of(a.contact, FORCE)],
         };
         let c = &s.contacts[j];
         let (deflection, rate) = (s.deflection_size(c, x), s.rate_size(c, x));
-        // Flanks are reached to the rounding of the deflection, once: the springs of the bodies feel it.
+        // A flank is reached to the rounding of the deflection, once: it changes the springs of the bodies.
         let displaced: f64 =
             c.direction.iter().map(|(i, g)| g.abs() * s.pulls[*i as usize][1]).sum::<f64>() * deflection;
         let acceleration = s.acceleration_size(j, self.carrying(), x, force) + ONCE * displaced;
@@ -61,10 +61,10 @@ impl Motion<'_> {
     }
 }
 
-/// Powers of the reach, whole vectors of four.
+/// Powers of the reach, in whole vectors of four.
 pub(super) type Powers = [f64; ROW + 3];
 
-/// `reachᵏ`.
+/// Returns the powers `reachᵏ`.
 #[inline(always)]
 pub(super) fn powers(reach: f64) -> Powers {
     let mut powers = [1.0; ROW + 3];
@@ -116,7 +116,7 @@ impl Expansion<'_> {
                 Some(root) => {
                     self.root_row(j, deflection_size, &powers, work, series);
                     rounding.push(0.0);
-                    // A root is as well known as its power.
+                    // The error of a root follows from that of its power.
                     let power = deflection_size + size_of(&series[1..]).powi(root as i32);
                     afresh.push(libm::pow(ROUNDING * power, f64::from(root).recip()));
                     tail.rooted.map_or(0.0, |d| d.root)
@@ -140,7 +140,7 @@ impl Expansion<'_> {
                 let r = self.layout.of(j, RATE);
                 let rates = guard_rates[row..row + ROW].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
                 rates.for_each(|(g, (r, p))| *g = sign * r * p);
-                // What the clock leaves out moves the guard at its rate.
+                // The truncation of the clock moves the guard at its rate.
                 let late = d.time * work[r..r + ROW].iter().zip(&powers).map(|(r, p)| (r * p).abs()).sum::<f64>();
                 let error = ROUNDING * deflection_size + self.deflection_tail(j, tail) + late;
                 guard_errors.push(if watch == Watch::Force { -1.0 } else { error });
@@ -148,7 +148,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// A guard of position at the start.
+    /// Returns the value of a guard of position at the start.
     #[inline(always)]
     pub(super) fn position(&self, watched: &Watched, work: &[f64]) -> f64 {
         let &Watched { contact: j, watch, sign, .. } = watched;
@@ -161,7 +161,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// A guard of position as a series in θ.
+    /// Writes a guard of position as a series in θ.
     #[inline(always)]
     pub(super) fn position_row(&self, watched: &Watched, powers: &Powers, work: &[f64], series: &mut [f64]) {
         let (along, j) = (watched.along(), watched.contact);
@@ -176,8 +176,8 @@ impl Expansion<'_> {
         }
     }
 
-    /// The force of a contact, or its factor, as a series in θ; its rounding, and that where it is formed from the state alone. `stretch` and
-    /// `deflection` are the sizes of their terms.
+    /// Writes the force of a contact, or its factor, as a series in θ. Returns its rounding, and that of a value formed from the state
+    /// alone. `stretch` and `deflection` are the sizes of their terms.
     #[inline(always)]
     pub(super) fn force_row(
         &self,
@@ -201,19 +201,19 @@ impl Expansion<'_> {
         [ROUNDING * size, ROUNDING * from_state]
     }
 
-    /// The root of a penetration as a series in θ.
+    /// Writes the root of a penetration as a series in θ.
     #[inline(always)]
     fn root_row(&self, j: usize, deflection: f64, powers: &Powers, work: &[f64], series: &mut [f64]) {
         let y = self.layout.y(1);
         series.iter_mut().zip(&work[y..y + ROW]).zip(powers).for_each(|((s, y), p)| *s = y * p);
-        // Afresh from the state, a penetration within its rounding is none.
+        // If formed afresh from the state, a penetration within its rounding is zero.
         let stretch = work[self.layout.stretches + j].abs();
         if self.request.carried.get(j).is_none_or(|carried| carried.is_nan()) && stretch <= ROUNDING * deflection {
             series[0] = 0.0;
         }
     }
 
-    /// What the truncated terms add to the force of a contact (of a power law: to its factor `1 + χ ṗ`).
+    /// Returns the contribution of the truncated terms to the force of a contact (of a power law: to its factor `1 + χ ṗ`).
     pub(super) fn force_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
         match self.motion.parts[j].force() {
             Some(power @ Force::Power { .. }) => power.chi(self.request.x) * self.rate_tail(j, tail, out),
@@ -222,7 +222,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// Released from rest: the gap's value, rate and acceleration are exactly zero.
+    /// Returns whether the contact is released from rest: value, rate and acceleration of the gap are exactly zero.
     #[inline(always)]
     pub(super) fn is_released(&self, j: usize, watch: Watch) -> bool {
         !self.request.still.is_empty()
@@ -231,7 +231,7 @@ impl Expansion<'_> {
             && self.request.still.contains(guard_id(j, watch))
     }
 
-    /// The force of a contact (of a power law: its factor `1 + χ ṗ`) as a guard, and the size of its terms; `stretch` is that of the stretch.
+    /// Writes the force of a contact (or the factor `1 + χ ṗ` of a power law) as a guard. Returns the size of its terms, from `stretch`.
     fn force_guard(&self, j: usize, stretch: f64, sign: f64, work: &[f64], series: &mut [f64]) -> f64 {
         let (c, part, x) = (&self.s.contacts[j], &self.motion.parts[j], self.request.x);
         let (which, sign, size) = match part.force() {
@@ -250,8 +250,8 @@ impl Expansion<'_> {
         size
     }
 
-    /// Size of the terms a stretch is the sum of: taken from the state those of the deflection; where it is known better,
-    /// carried on from the last step or given by an exact zero, only itself.
+    /// Returns the size of the terms whose sum is a stretch: those of the deflection if it comes from the state. A stretch that is
+    /// known better, carried from the last step or given by an exact zero, is the only term.
     #[inline(always)]
     pub(super) fn stretch_size(&self, j: usize, clock: Option<&StepClock>, size: f64, work: &[f64]) -> f64 {
         let carried = self.request.carried.get(j).is_some_and(|stretch| !stretch.is_nan());
@@ -260,7 +260,7 @@ impl Expansion<'_> {
             && !self.request.pinned.is_empty()
             && [Watch::DriveFlank, Watch::BackFlank, Watch::Force].iter().any(|w| self.pinned(j, *w));
         let gap = work[self.layout.gaps + j].abs();
-        // A gap of zero is no exact one, and is taken from the state.
+        // A gap that is zero by chance is not exact, and is taken from the state.
         if state == ContactMode::Separated && carried && gap != 0.0 {
             gap
         } else if clock.is_none() && (carried || given) {

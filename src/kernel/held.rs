@@ -4,10 +4,10 @@ use super::{Expansion, FORCE, Layout, ROW};
 use crate::system::{Sticking, zeros};
 
 impl Expansion<'_> {
-    /// The multipliers that hold the resting contacts, `g·a = ë`, at order `k`, and what they do to the accelerations.
+    /// Forms the multipliers that hold the contacts at rest, `g·a = ë`, at order `k`, and adds their accelerations.
     ///
-    /// They are solved for twice: the first time leaves the rounding of the loads in `g·a`, which may be far above ë where a flank moves
-    /// slowly, and steps are long then.
+    /// The system is solved twice: the first solution leaves the rounding of the loads in `g·a`, which may be far above ë if a flank moves
+    /// slowly and steps are long.
     pub(super) fn hold(&self, held: &Sticking, k: usize, accelerations: &mut [f64], work: &mut [f64]) {
         let s = self.s;
         let mut forces = zeros(held.contacts().len());

@@ -1,7 +1,7 @@
-//! A lane: the motion of a train of one degree of freedom with one contact, from event to event, with nothing that is not asked for.
+//! Lane: motion of a train of one degree of freedom with one contact, from event to event, without any output that is not requested.
 //!
-//! What happens is what the engine does with the same leaps, and the numbers are the same to the last bit. A lane makes no record and shows
-//! no step. Where a leap is not decided, where numbers do not agree, or where a contact comes to rest, it stops, and an engine goes on.
+//! The results equal those of the engine with the same leaps, to the last bit. A lane makes no record and shows no step. If a leap is not
+//! decided, if numbers do not agree, or if a contact comes to rest, the lane stops, and an engine continues.
 
 use super::{
     Motion,
@@ -20,9 +20,9 @@ use crate::{
     vectors::{Path, Work},
 };
 
-/// Events of a cycle at most: where there are more, impacts come to rest.
+/// Maximum number of events of a cycle; more occur only if impacts come to rest.
 const MOST_EVENTS: u64 = 256;
-/// Steps of a cycle at most: beyond, the engine goes on, with the budget of the run.
+/// Maximum number of steps of a cycle; beyond, the engine continues with the budget of the run.
 const MOST_STEPS: u64 = 1_000_000;
 /// States of a contact.
 const STATES: [ContactMode; 5] = [
@@ -32,12 +32,12 @@ const STATES: [ContactMode; 5] = [
     ContactMode::DriveDetached,
     ContactMode::BackDetached,
 ];
-/// Times its error, and the rounding of the state, that a guard may be off zero by the state where it falls.
+/// Factor on its error and the rounding of the state by which a falling guard may differ from zero by the state.
 const AGREED: f64 = 10.0;
-/// Spans that a bound is away at least where it has no say.
+/// Least distance of a bound, in spans, at which it does not affect a leap.
 const FAR: f64 = 4.0;
 
-/// An event of a lane: what the contact was, what it is, and which guard fell.
+/// Event of a lane: state of the contact before and after, and the guard that fell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Passed {
     pub was: u8,
@@ -46,77 +46,77 @@ pub(crate) struct Passed {
 }
 
 impl Passed {
-    /// What the contact was and is, and the guard.
+    /// Returns the state of the contact before and after, and the guard.
     pub fn parts(self) -> (ContactMode, ContactMode, Watch) {
         let watch = [Watch::DriveFlank, Watch::BackFlank, Watch::Force][usize::from(self.watch)];
         (STATES[usize::from(self.was)], STATES[usize::from(self.is)], watch)
     }
 }
 
-/// What is noted on the way.
+/// Records of the motion in a lane.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Noted {
     /// Time in each state of the contact, s, in the order of [`ContactMode`].
     pub times: [f64; 5],
-    /// Events, where they are asked for.
+    /// Events, if requested.
     pub events: Option<Vec<Passed>>,
-    /// Contacts gained and impacts: time since the start of the cycle, s, rate of the deflection before, m/s, and the flank's side; where
-    /// they are asked for.
+    /// Contacts gained and impacts, if requested: time since the start of the cycle, s, rate of the deflection before, m/s, and side of
+    /// the flank, ±1.
     pub strikes: Option<Vec<[f64; 3]>>,
-    /// The derivative by the start, rows `(q, v)`, where it is asked for.
+    /// Derivative with respect to the start, rows `(q, v)`, if requested.
     pub columns: Option<Columns>,
 }
 
-/// A mode that was met, ready to be leapt in.
+/// Mode that has occurred in the run, prepared for leaps.
 pub(super) struct Gait<'s> {
-    /// The number of the contact in it.
+    /// Number of the contact in the mode.
     number: u16,
     state: ContactMode,
     pub motion: Motion<'s>,
-    /// Its flow is asked for.
+    /// True if the exact flow of the mode may be used.
     pub is_exact: bool,
-    /// What each guard leads to, as of the first time, where it depends on nothing else.
+    /// Result of the fall of each guard, kept from the first time, if it depends on nothing else.
     edges: [Option<Edge>; 3],
 }
 
-/// What a guard leads to.
+/// Result of the fall of a guard.
 #[derive(Clone, Copy)]
 struct Edge {
     state: ContactMode,
     zeros: [bool; 3],
-    /// The gait, where no schedule has a say in it.
+    /// Index of the gait after the fall, if no schedule affects it.
     gait: Option<usize>,
 }
 
-/// Where a lane stands.
+/// Current point of a lane.
 #[derive(Clone, Copy)]
 pub(super) struct Stand {
     pub at: Instant,
     pub x: [f64; 2],
-    /// Place of the mode among those met.
+    /// Index of the mode in the list of gaits.
     pub gait: usize,
     /// Guards of the contact that are exactly zero, by [`Watch`].
     pub zeros: [bool; 3],
-    /// Those that took an impulse.
+    /// Guards that received an impulse.
     struck: [bool; 3],
-    /// As of [`Jump`].
+    /// Displacement of the state onto guards, as in [`Jump`].
     projected: f64,
-    /// As of [`JetField::carry`](hybrid::JetField::carry).
+    /// Stretch kept as by [`JetField::carry`](hybrid::JetField::carry), m.
     pub carried: f64,
-    /// The next known switching time of the mode.
+    /// Next known switching time of the mode.
     switch: Option<Instant>,
 }
 
 /// `cos ωt` and `sin ωt` of the oscillators at an instant.
 type Waves = [[f64; 2]; MOST_INPUTS];
 
-/// See the head of this file.
+/// Lane of a train; the module comment describes it.
 pub(crate) struct Lane<'s> {
     pub(super) structure: &'s Structure,
     pub(super) gaits: Vec<Gait<'s>>,
-    /// Places of the gaits by the number of the contact, from 1 on; 0 for none.
+    /// Index of the gait plus 1, by number of the contact; 0 for none.
     places: Vec<u16>,
-    /// A jump changes the columns.
+    /// True if a jump changes the columns.
     salts: bool,
     is_rigid: bool,
     is_scheduled: bool,
@@ -124,7 +124,7 @@ pub(crate) struct Lane<'s> {
     pub(super) waves: Waves,
 }
 
-/// Asks nothing.
+/// Host without an integrator: every flow is exact, and no impact sequence ends.
 struct NoHost;
 
 impl LaneHost for NoHost {
@@ -138,8 +138,8 @@ impl LaneHost for NoHost {
 }
 
 impl<'s> Lane<'s> {
-    /// A lane for motions of `structure`; `None` for trains that are more than one degree of freedom and one contact with a linear law or a
-    /// rigid one, under a forcing of one period.
+    /// Returns a lane for motions of `structure`; `None` unless the train has one degree of freedom and one contact, with a linear law or
+    /// a rigid one, under a forcing of one period.
     pub fn new(structure: &'s Structure) -> Option<Self> {
         let [c] = &structure.contacts[..] else { return None };
         let (salts, is_rigid) = match c.spec.law {
@@ -171,7 +171,7 @@ impl<'s> Lane<'s> {
         })
     }
 
-    /// Goes on from `x` at `at`, in the mode and with the exact zeros of `jump`; `false` if it cannot.
+    /// Places the lane at state `x` and instant `at`, in the mode and with the exact zeros of `jump`. Returns `false` if it cannot.
     pub fn place(&mut self, at: Instant, x: [f64; 2], jump: &Jump) -> bool {
         self.enter(at, x, jump, f64::NAN, &mut NoHost);
         jump.still.is_empty()
@@ -186,7 +186,7 @@ impl<'s> Lane<'s> {
         self.turn();
     }
 
-    /// The oscillators, where it stands.
+    /// Evaluates the oscillators at the current instant.
     #[inline(always)]
     fn turn(&mut self) {
         let (waves, at) = (&mut self.waves, self.stand.at);
@@ -201,7 +201,7 @@ impl<'s> Lane<'s> {
         }
     }
 
-    /// The place of the gait of a mode.
+    /// Returns the index of the gait of a mode, which is formed if it is new.
     fn meet(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> usize {
         let number = mode.get(0);
         match self.places.get(usize::from(number)) {
@@ -216,12 +216,12 @@ impl<'s> Lane<'s> {
         self.gaits.len() - 1
     }
 
-    /// Where it stands.
+    /// Returns the current instant.
     pub fn at(&self) -> Instant {
         self.stand.at
     }
 
-    /// The state.
+    /// Returns the state `[q, v]`.
     pub fn x(&self) -> [f64; 2] {
         self.stand.x
     }
@@ -232,14 +232,14 @@ impl<'s> Lane<'s> {
         mode
     }
 
-    /// Mode and exact zeros.
+    /// Returns mode and exact zeros.
     pub fn jump(&self) -> Jump {
         let Stand { zeros, struck, projected, .. } = self.stand;
         let set = |of: [bool; 3]| (0..3).filter(|i| of[usize::from(*i)]).map(hybrid::GuardId).collect();
         Jump { mode: self.mode(), pinned: set(zeros), still: GuardSet::default(), struck: set(struck), projected }
     }
 
-    /// Runs to the start of the next cycle. `false` where it cannot decide what comes, and stands before it.
+    /// Runs to the start of the next cycle. Returns `false` if it cannot decide an event, and stays before it.
     pub fn cycle(&mut self, noted: &mut Noted) -> bool {
         let bound = self.structure.clock.at(self.stand.at.cycle + 1, 0.0);
         let ride = Ride {
@@ -255,7 +255,7 @@ impl<'s> Lane<'s> {
         ride.lane.structure.instructions.run(ride).end == LapEnd::Bound
     }
 
-    /// What is noted of a fall of `watch` where it stands, if it is a strike.
+    /// Returns the record of a fall of `watch` at the current point, if it is a strike.
     #[inline(always)]
     fn strike(&self, watch: Watch) -> Option<[f64; 3]> {
         let Stand { at, x, gait, .. } = &self.stand;
@@ -263,7 +263,7 @@ impl<'s> Lane<'s> {
         strikes.then(|| [at.phase.value(), self.structure.deflection(0, *at, x).1, watch.side()])
     }
 
-    /// The guard that watches `watch` falls where it stands, and its value is known to `error` there. `false` if that is not decided here.
+    /// Makes the jump of the guard of `watch` at the current point, its value known to `error`. Returns `false` if it is not decided here.
     #[inline(always)]
     fn fire(&mut self, watch: Watch, error: f64, noted: &mut Noted, host: &mut dyn LaneHost) -> bool {
         let (s, gait, at) = (self.structure, self.stand.gait, self.stand.at);
@@ -271,7 +271,7 @@ impl<'s> Lane<'s> {
         let salts = self.salts && noted.columns.is_some();
         let mut off = 0.0;
         if side != 0.0 {
-            // As of `Structure::project`.
+            // As in `Structure::project`.
             let mut displaced = c.spec.error_offset;
             for w in &c.error {
                 displaced += w.cosine * self.waves[w.index][0] + w.sine * self.waves[w.index][1];
@@ -337,24 +337,24 @@ impl hybrid::Lane for Lane<'_> {
 }
 
 impl Structure {
-    /// A lane for motions that nobody looks at, where the train has one.
+    /// Returns a lane for motions without observers, if the train has one.
     pub(crate) fn silent(&self) -> Option<Box<dyn hybrid::Lane + '_>> {
         Lane::new(self).map(|lane| Box::new(lane) as Box<dyn hybrid::Lane>)
     }
 }
 
-/// A way to be gone.
+/// Run of a lane up to a bound, as work for a set of instructions.
 struct Ride<'a, 's> {
     lane: &'a mut Lane<'s>,
     bound: Instant,
     budget: Budget,
     noted: &'a mut Noted,
     host: &'a mut dyn LaneHost,
-    /// Arcs that the run has made.
+    /// Number of arcs that the run has made.
     arcs: u64,
-    /// The guard of an impact where it starts.
+    /// Guard of an impact at the start, if any.
     impact: Option<hybrid::GuardId>,
-    /// From what is not decided it returns to the start of the last arc of which something was.
+    /// True if an undecided run returns to the start of the last arc of which something was decided.
     returns: bool,
 }
 
@@ -366,7 +366,7 @@ impl Work for Ride<'_, '_> {
         let Self { lane, bound, budget, noted, host, arcs, mut impact, returns } = self;
         let (s, clock) = (lane.structure, lane.structure.clock);
         let mut lap = Lap::default();
-        // The start of the last arc of which something was decided, and what was done up to there.
+        // Start of the last arc of which something was decided, and the work done up to it.
         let (mut last, mut done) = (lane.stand, Lap::default());
         let mut rebound: Derivatives = [([f64::NAN; 3], f64::NAN); 2];
         'arcs: loop {
@@ -377,7 +377,7 @@ impl Work for Ride<'_, '_> {
                 let Gait { motion, is_exact, .. } = &lane.gaits[lane.stand.gait];
                 let made = Made { arcs: arcs + lap.arcs, ..Made::default() };
                 let Some(propagator) = motion.propagator(made).filter(|_| *is_exact) else { break 'arcs };
-                // Far from the bound no more is to be known than that.
+                // Far from the bound, a rough distance suffices.
                 let mut span = clock.roughly(at, switch.unwrap_or(bound));
                 if span < FAR * propagator.span {
                     span = clock.between(at, switch.unwrap_or(bound));

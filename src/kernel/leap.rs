@@ -1,8 +1,8 @@
-//! The way of a linear mode to its next event, by its propagator: `docs/EVENTS.md`, line 38.
+//! Motion of a linear mode to its next event, by its propagator: `docs/EVENTS.md`, line 38.
 //!
-//! A guard is a value at the start and a row that is added to it. From an exact zero on the row alone is searched. Where the signs of
-//! all guards' coefficients are those of no zero or of one fall, the first fall is the event, unless another one or the bound is too near
-//! to tell which comes first. In every other case the series of the mode decide.
+//! A guard is a value at the start plus a row. After an exact zero the row alone is searched. If the signs of the coefficients of all
+//! guards are those of no zero or of one fall, the first fall is the event, unless another one or the bound is too near to decide which
+//! comes first. In every other case the series of the mode decide.
 
 use smallvec::SmallVec;
 
@@ -20,42 +20,42 @@ use crate::{
     vectors::Path,
 };
 
-/// Contacts, and guards, that need no allocation.
+/// Number of contacts, and of guards, that need no allocation.
 const FEW: usize = 8;
 const MANY: usize = 16;
-/// Leaps that an arc may take: where more are needed, something is much faster than the motion, and series hold for longer.
+/// Maximum number of leaps of an arc. If it needs more, some rate is much faster than the motion, and series hold for longer.
 pub(super) const MOST_LEAPS: u32 = 4;
 /// Widest fall that counts as decided, relative to the time to it.
 const SHARP: f64 = 1e-11;
-/// Shortest leap, in spans. A row is rounded, and cut, in units of what it is over the whole span; over much shorter times it is less.
+/// Shortest leap, in spans. Rounding and truncation of a row are relative to its size over the whole span; over shorter times it is less.
 pub(super) const SHORTEST: f64 = 1.0 / 256.0;
-/// How far beyond a rise of coefficients a part of the span is tried: a guard rises later than its coefficients. Measured.
+/// Factor on the place of a rise of coefficients at which a part of the span is tried: a guard rises later than they do. Measured.
 const BEYOND: f64 = 1.5;
-/// Times their widths that two falls, or a fall and the bound, are apart.
+/// Least distance of two falls, or of a fall and the bound, in their widths.
 const APART: f64 = 8.0;
-/// Times the error of a row that values formed afresh at its ends may differ.
+/// Factor on the error of a row by which values formed afresh at its ends may differ.
 pub(super) const AFRESH: f64 = 4.0;
 
-/// Where a contact is at the start of a span.
+/// Deflection and stretch of a contact at the start of a span, m.
 #[derive(Clone, Copy)]
 pub(super) struct Start {
     pub deflection: f64,
-    /// `δ − σ b` from its own flank; of a separated contact from the flank that it has left, where that is known (else NaN).
+    /// Stretch `δ − σ b` from its own flank; of a separated contact from the flank that it has left, if known (else NaN).
     pub stretch: f64,
-    /// What the stretch is known to.
+    /// Bound on the error of the stretch.
     pub error: f64,
 }
 
-/// What is known of a contact where a span starts.
+/// Known data of a contact at the start of a span.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
     pub at: Instant,
     pub x: &'a [f64],
     /// Size of the terms whose sum is its deflection, m.
     pub size: f64,
-    /// Its guards that are exactly zero, by [`Watch`].
+    /// Guards of the contact that are exactly zero, by [`Watch`].
     pub zeros: [bool; 3],
-    /// As of [`JetField::carry`](crate::hybrid::JetField::carry); NaN where nothing is known.
+    /// Stretch kept as by [`JetField::carry`](crate::hybrid::JetField::carry), m; NaN if unknown.
     pub carried: f64,
 }
 
@@ -74,7 +74,7 @@ impl<'a> Given<'a> {
     }
 }
 
-/// What a leap keeps of a guard: its value at the start, the sign that the row of its contact has in it, and the error of that row.
+/// Guard of a leap: its value at the start, the sign of the row of its contact in it, and the error of that row.
 #[derive(Clone, Copy)]
 struct Line {
     start: f64,
@@ -88,7 +88,7 @@ pub(super) struct Guard<'r, P: Path, const F: usize> {
     /// Error of the value at the start, and of the row.
     errors: [f64; 2],
     pub pattern: Pattern,
-    /// As of [`poly::pattern`], in spans.
+    /// Place returned by [`poly::pattern`], in spans.
     place: f64,
 }
 
@@ -100,8 +100,8 @@ impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
         Self { series, errors, pattern, place }
     }
 
-    /// Judges all guards on a part of the span, from its start on, and gives that part: all of it or the first of [`poly::PARTS`] on which no
-    /// guard is unclear, else the shortest.
+    /// Judges all guards on a part of the span from its start, and returns that part: the whole span, or the first of [`poly::PARTS`]
+    /// on which no guard is unclear, else the shortest.
     #[inline(always)]
     pub fn sharpen(path: P, guards: &mut [Self]) -> f64 {
         let is_told = guards.iter().all(|guard| guard.pattern != Pattern::Unclear);
@@ -110,7 +110,7 @@ impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
 
     #[inline(always)]
     fn shorten(path: P, guards: &mut [Self]) -> f64 {
-        // A part much beyond where coefficients rise again is unclear too, most often: it is not tried.
+        // A part that extends far beyond a rise of the coefficients is usually unclear too, and is not tried.
         let unclear = guards.iter().filter(|guard| guard.pattern == Pattern::Unclear);
         let until = unclear.fold(1.0, |until: f64, guard| until.min(guard.place));
         let last = poly::PARTS.len() - 1;
@@ -132,7 +132,7 @@ impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
         }
     }
 
-    /// Where on the span the guard falls, on the first `part` of it.
+    /// Returns the fall of the guard on the first `part` of the span, if any.
     #[inline(always)]
     fn fall(&self, path: P, index: usize, part: f64) -> Option<Fall> {
         let (theta, [value, slope]) = poly::fall(path, &self.series, self.place, part)?;
@@ -143,7 +143,7 @@ impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
     }
 }
 
-/// A guard falls through zero: value and slope by θ, and the error of the value.
+/// Fall of a guard through zero: value, slope with respect to θ, and error of the value.
 #[derive(Clone, Copy)]
 pub(super) struct Fall {
     pub index: usize,
@@ -159,7 +159,7 @@ impl Fall {
     }
 }
 
-/// The first fall on the first `part` of a span and before the `bound`, and where the leap ends; `None` if that is not decided.
+/// Returns the first fall on the first `part` of a span before the `bound`, and the end of the leap; `None` if that is not decided.
 #[inline(always)]
 pub(super) fn first_fall<P: Path, const F: usize>(
     path: P,
@@ -195,14 +195,14 @@ pub(super) fn first_fall<P: Path, const F: usize>(
 }
 
 impl Propagator {
-    /// The first three derivatives in time of `θ Σ d_i B_i` at the start.
+    /// Returns the first three time derivatives of `θ Σ d_i B_i` at the start.
     pub(super) fn derivatives<const F: usize>(&self, d: &Numbers<F>) -> [f64; 3] {
         let (n, rate, d) = ((4 * F - 1) as f64, self.span.recip(), d[0]);
         let [first, second] = [d[1] - d[0], d[2] - 2.0 * d[1] + d[0]];
         [d[0] * rate, 2.0 * n * first * rate * rate, 3.0 * n * (n - 1.0) * second * rate * rate * rate]
     }
 
-    /// Where contact `j` starts, `deflection` away from its middle by the state.
+    /// Returns the start of contact `j`, whose deflection by the state is `deflection`, m.
     #[inline(always)]
     pub(super) fn start(&self, motion: &Motion, given: &Given<'_>, j: usize, deflection: f64) -> Start {
         let (c, part) = (&motion.structure.contacts[j], &motion.parts[j]);
@@ -220,7 +220,7 @@ impl Propagator {
         }
     }
 
-    /// Value of a guard at the start, the sign of its row, and the error of the value.
+    /// Returns the value of a guard at the start, the sign of its row, and the error of the value.
     #[inline(always)]
     pub(super) fn guard(
         &self,
@@ -254,7 +254,7 @@ impl Propagator {
             return [0.0, along, 0.0];
         }
         let by_state = c.gap() + along * start.deflection;
-        // Of two flanks it is the near one that the distance is known of.
+        // Of the two flanks, the known distance belongs to the nearer one.
         let known = along * start.stretch;
         let is_known = (known - by_state).abs() < c.gap() || !c.has_back();
         if is_known && known != 0.0 && !known.is_nan() {
@@ -264,7 +264,7 @@ impl Propagator {
         }
     }
 
-    /// The way from `request` to the first event, to the bound or to the end of the span; `false` where the signs do not decide.
+    /// Advances from `request` to the first event, the bound or the end of the span. Returns `false` if the signs do not decide.
     #[inline(always)]
     pub fn leap<P: Path>(&self, path: P, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
         match self.fours {
@@ -320,7 +320,7 @@ impl Propagator {
         for line in &self.rows {
             rows.push((line.columns.combine(path, &z), line.error(&z)));
         }
-        // All guards, and those that are not clear of zero with their numbers.
+        // All guards, and those that are not clear of zero, with their numbers.
         let mut lines: SmallVec<[Line; MANY]> = SmallVec::new();
         let mut guards: SmallVec<[Guard<'_, P, F>; FEW]> = SmallVec::new();
         let mut numbers: SmallVec<[usize; FEW]> = SmallVec::new();
@@ -334,7 +334,7 @@ impl Propagator {
             let (j, (row, error)) = (watched.contact, &rows[*row]);
             let rate = if watched.watch == Watch::Force { rate(j) } else { 0.0 };
             let [start, sign, rounding] = self.guard(motion, &starts[j].0, watched, &starts[j].1, rate);
-            // A zero by chance is no exact one.
+            // A zero by chance is not exact.
             if start == 0.0 && rounding > 0.0 {
                 return false;
             }
@@ -355,7 +355,7 @@ impl Propagator {
         let Some((fall, end)) = decided else { return false };
         leap.is_bound = fall.is_none() && bound <= part;
         leap.passage = fall.map(|fall| Passage {
-            // From an exact zero on, the error says it all.
+            // After an exact zero, the error is complete.
             zeros: if guards[fall.index].series.start == 0.0 { 3 } else { 0 },
             curvature: 0.0,
             guard: motion.guards[numbers[fall.index]].id,
@@ -404,9 +404,9 @@ impl Propagator {
                 }
                 _ => given.size,
             };
-            // As if nothing were known but the state: what follows from that over the span counts too.
+            // Error of a value from the state alone: its growth over the span counts too.
             let error = ROUNDING * size + AFRESH * line.error;
-            // What follows impacts asks for them.
+            // Impact sequences need them.
             let derivatives = if c.spec.law.is_rigid() {
                 self.derivatives(&poly::numbers(path, &rows[*row].0)).map(|d| line.sign * d)
             } else {
@@ -430,7 +430,7 @@ impl Propagator {
             gained.push(added(row));
         }
         if let Some(fall) = fall {
-            // A contact within its rounding of a flank, as one that was left a moment before, is near, and may take part in what follows.
+            // A contact within its rounding of a flank, such as one that has just left it, is near, and may take part in the event.
             let first = numbers[fall.index];
             for (number, (line, row)) in lines.iter().zip(&self.guards).enumerate() {
                 let is_near = line.start + line.sign * gained[*row] <= leap.starts[number].error;

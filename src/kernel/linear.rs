@@ -46,7 +46,7 @@ impl Work for Recurrence<'_, '_> {
 }
 
 impl Expansion<'_> {
-    /// All coefficients of a linear mode.
+    /// Forms all coefficients of a linear mode.
     pub(super) fn linear(&self, out: &mut Jet) {
         if self.motion.is_varying {
             self.begin_clock(&StepClock::TIME, &mut out.work);
@@ -62,8 +62,8 @@ impl Expansion<'_> {
         }
     }
 
-    /// Each order is a row: displacements and velocities in blocks of four, zero beyond the last degree of freedom. From order to order no
-    /// vector is read where single numbers have just been written: that would wait for them.
+    /// Forms the orders, each a row of displacements and velocities in blocks of four, zero beyond the last degree of freedom. No vector is
+    /// read where single numbers have just been written, which would stall.
     #[inline(always)]
     fn recurrence<P: Path, const B: usize, const C: usize>(&self, path: P, out: &mut Jet) {
         let (s, h, n, layout) = (self.s, self.h, self.s.n, self.layout);
@@ -128,11 +128,11 @@ impl Expansion<'_> {
         }
     }
 
-    /// The contact forces at order `k`, and the deflections of the next order, four contacts at a time; of velocities and oscillators. The
+    /// Forms the contact forces at order `k` and the deflections of the next order from velocities and oscillators, by four contacts. The
     /// `stretches` are those of order `k`, and are replaced by those of the next.
     ///
     /// A deflection is the integral of its rate, `(k + 1) δ_{k+1} = h δ̇_k`, and is formed before it is multiplied by the stiffness:
-    /// where the train has turned far, a difference of displacements is exact and one of forces would not be.
+    /// if the train has turned far, a difference of displacements is exact and one of forces is not.
     #[inline(always)]
     fn contacts<P: Path, const B: usize, const C: usize>(
         &self,
@@ -150,7 +150,7 @@ impl Expansion<'_> {
         {
             let first = C * number;
             let mut rates = [path.all(0.0); C];
-            // The oscillators first: the velocities come late.
+            // Oscillators come first, because the velocities are available late.
             for (i, [by_cos, by_sin]) in group.waves.0.iter().zip(group.waves.1) {
                 let [cos, sin] = waves[*i].map(|x| path.all(x));
                 for c in 0..C {
@@ -158,7 +158,7 @@ impl Expansion<'_> {
                     rates[c] = path.fused(path.four(by_sin[c]), sin, rates[c]);
                 }
             }
-            // One after the other: so contacts of equal bodies are rounded alike, wherever these stand.
+            // The order is fixed, so that contacts of equal bodies have equal rounding, whatever the index of the body.
             let [directions] = group.directions else { unreachable!("not one panel") };
             for b in 0..B {
                 for l in 0..LANES {
@@ -205,7 +205,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// The forces where a force is watched.
+    /// Forms the forces that are watched.
     fn watched_forces(&self, work: &mut [f64]) {
         for &j in &self.motion.watched_forces {
             if let Some(Force::Linear { stiffness, damping }) = self.motion.parts[j].force() {
@@ -214,7 +214,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// `F = k (δ − σ b) + c δ̇` as a series, with `(δ̇)_k = (k+1) δ_{k+1}/h`.
+    /// Forms `F = k (δ − σ b) + c δ̇` as a series, with `(δ̇)_k = (k+1) δ_{k+1}/h`.
     fn watched_force(&self, j: usize, stiffness: Elasticity, damping: f64, work: &mut [f64]) {
         let d = |k: usize| self.layout.deflection(j, k);
         for k in 0..=ORDER {

@@ -1,4 +1,4 @@
-//! Powers of penetrations that have a way of their own: of the owner of a clock, and of contacts that start or leave.
+//! Powers of penetrations with a recurrence of their own: of the owner of a clock, and of contacts that start or leave.
 
 use super::{
     Expansion, LANES, PENETRATION, POWER, STIFFNESS,
@@ -8,11 +8,11 @@ use super::{
 };
 use crate::gear::contact::PowerLaw;
 
-/// A change this much smaller than what it changes is far below rounding.
+/// Relative change that is far below rounding.
 const UNFELT: f64 = f64::EPSILON / 64.0;
 
 impl Expansion<'_> {
-    /// The powers of penetrations at order `k` that have a way of their own.
+    /// Forms the powers of penetrations at order `k` that have a recurrence of their own.
     #[inline(never)] // a call of its own keeps the recurrence small
     pub(super) fn lone_powers(
         &self,
@@ -32,7 +32,7 @@ impl Expansion<'_> {
                     self.power(clock, j, *law, (k, four.side[l] * four.rate[0][l]), work);
                     power[l] = work[layout.of(j, POWER) + k];
                 }
-                // What is equal stays equal to the last bit.
+                // Equal contacts stay equal to the last bit.
                 (Does::AsOwner(law), Some(owner)) => {
                     let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
                     work[apart + k] = four.penetration[k][l] - work[own];
@@ -45,9 +45,9 @@ impl Expansion<'_> {
         }
     }
 
-    /// Whether contact `j` is leaving and so near its end that the rest of its force changes neither its rate nor, in
-    /// proportion, its penetration: with `p/|ṗ|` left, by `K p^(n+1)/(m ṗ²)`. Where it leaves together with the clock's
-    /// owner its branch point would hold up every step.
+    /// Returns whether contact `j` leaves and is so near its end that the rest of its force changes neither its rate nor, in
+    /// proportion, its penetration: by `K p^(n+1)/(m ṗ²)` in the remaining time `p/|ṗ|`. If it leaves together with the
+    /// owner of the clock, its branch point would shorten every step.
     pub(super) fn leaves_unfelt(&self, j: usize, law: PowerLaw, rate: f64, work: &[f64]) -> bool {
         let c = &self.s.contacts[j];
         let p = work[self.layout.of(j, PENETRATION)];
@@ -55,7 +55,7 @@ impl Expansion<'_> {
         rate < 0.0 && p > 0.0 && energy(p) <= UNFELT * rate * rate
     }
 
-    /// `pⁿ` at order `k` of a contact with the `rate` ṗ at the start.
+    /// Forms `pⁿ` at order `k` of a contact with the `rate` ṗ at the start.
     fn power(&self, clock: &StepClock, j: usize, law: PowerLaw, (k, rate): (usize, f64), work: &mut [f64]) {
         let layout = self.layout;
         let (p, u) = (layout.of(j, PENETRATION), layout.of(j, POWER));

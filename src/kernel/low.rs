@@ -1,7 +1,7 @@
-//! What the lowest coefficients of a linear mode lose in rounding.
+//! Rounding of the lowest coefficients of a linear mode.
 //!
 //! Taken as exact numbers, the coefficients of the fast path fulfil their recurrence up to a residual, which is formed in two
-//! doubles and divided by `k + 1`. Beyond the orders kept, the terms are so small that their rounding is none of the state's.
+//! doubles and divided by `k + 1`. Beyond the orders kept, the terms are so small that their rounding does not affect the state.
 
 use super::{Expansion, Force, Watch, compiled::LARGEST, motion::Part};
 use crate::{
@@ -13,14 +13,14 @@ use crate::{
 /// the rounding of that 2e-22.
 const KEPT: usize = 10;
 
-/// `(h y − next/inverse) · inverse`, for a product that `next` is near to.
+/// Returns `(h y − next/inverse) · inverse`, for a product close to `next`.
 fn residual(h: f64, y: Wide, k: f64, next: f64, inverse: f64) -> f64 {
     let (is, was) = (Wide::product(h, y.hi), Wide::product(k, next));
     ((is.hi - was.hi) + (h * y.lo + (is.lo - was.lo))) * inverse
 }
 
 impl Expansion<'_> {
-    /// Whether the state has a low part: not while a power law is closed, where small penetrations are carried instead, and not where
+    /// Returns whether the state has a low part: not while a power law is closed, as small penetrations are carried instead, and not if
     /// more than rounding is left out.
     pub(super) fn keeps_low(&self) -> bool {
         let is_power = |part: &Part| matches!(part.force(), Some(Force::Power { .. }));
@@ -28,7 +28,7 @@ impl Expansion<'_> {
         is_full && self.s.is_conservative && !self.request.low.is_empty() && !self.motion.parts.iter().any(is_power)
     }
 
-    /// `δ − σ b` of contact `j` at the start, by the state unless it is exactly zero.
+    /// Returns `δ − σ b` of contact `j` at the start, m, by the state unless it is exactly zero.
     pub(super) fn stretch_in_two(&self, j: usize, side: f64) -> Wide {
         if [Watch::DriveFlank, Watch::BackFlank, Watch::Force].iter().any(|w| self.pinned(j, *w)) {
             return Wide::default();
@@ -37,7 +37,7 @@ impl Expansion<'_> {
         deflection - (side * self.s.contacts[j].offset()).into()
     }
 
-    /// The low parts of the lowest orders; `closed` holds the contacts that carry force and their stiffnesses.
+    /// Forms the low parts of the lowest orders; `closed` holds the contacts that carry force and their stiffnesses.
     pub(super) fn low(&self, closed: PerContact<(usize, f64)>, out: &mut Jet) {
         let (s, h, n, dim) = (self.s, self.h, self.s.n, self.s.dim);
         let Jet { state, low, .. } = out;

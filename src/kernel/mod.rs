@@ -1,6 +1,6 @@
 //! Taylor recurrences of a structure with contacts.
 //!
-//! In the step's clock θ, with `dt = h w(θ) dθ`,
+//! In the clock θ of the step, with `dt = h w(θ) dθ`,
 //!
 //! ```text
 //! (k+1) q_{k+1} = h (w v)_k,   (k+1) v_{k+1} = h (w a)_k,   a = M⁻¹(f − C v − K q − Σ g_j F_j)
@@ -56,9 +56,9 @@ use crate::vectors::{Baseline, Path, Work};
 
 /// Highest power of a step.
 const ORDER: usize = 24;
-/// Room for one series.
+/// Number of coefficients of a series.
 const ROW: usize = ORDER + 1;
-/// Series of one contact: rate, the law's force, penetration, its power, stiffness, hysteresis factor `1 + χ ṗ`.
+/// Number of series of a contact: rate, force of the law, penetration, its power, stiffness, hysteresis factor `1 + χ ṗ`.
 const CONTACT_ROWS: usize = 6;
 const RATE: usize = 0;
 const FORCE: usize = 1;
@@ -67,35 +67,35 @@ const POWER: usize = 3;
 const STIFFNESS: usize = 4;
 const FACTOR: usize = 5;
 
-/// Deflections are kept four contacts side by side.
+/// Number of contacts whose deflections are stored side by side.
 const LANES: usize = 4;
-/// Room for the clock: w, then y, y², … y^(q−1), then p², p³, p⁴.
+/// Number of series of the clock: w, then y, y², … y^(q−1), then p², p³, p⁴.
 const CLOCK_ROWS: usize = 1 + 16 + 4;
 
-/// A stretch below this fraction of the terms it is a difference of loses four bits or more when it is formed.
+/// Ratio of a stretch to the terms of its difference below which it loses four bits or more when it is formed.
 const SMALL_STRETCH: f64 = 1.0 / 16.0;
 
-/// Where the series lie in the working space.
+/// Offsets of the series in the working space.
 #[derive(Debug)]
 struct Layout {
     contacts: usize,
     deflections: usize,
     clock: usize,
-    /// `δ − σ b` of each contact at order zero, σ b its flank.
+    /// Stretches `δ − σ b` of the contacts at order zero, σ b the flank, m.
     stretches: usize,
     /// Sizes of the terms of each deflection at order zero, m.
     sizes: usize,
-    /// `δ − σ b` at order zero of separated contacts from the flank that they have left, where it is known better than by the
+    /// Stretches `δ − σ b` at order zero of separated contacts from the flank that they have left, if known better than by the
     /// state; else NaN. Negative at the drive flank, positive at the back flank.
     gaps: usize,
-    /// The contact that owns the clock, if its clock is a root of its penetration; else −1.
+    /// Contact that owns the clock, if the clock is a root of its penetration; else −1.
     owner: usize,
-    /// Time since contacts with power laws started, where it is known; else NaN.
+    /// Time since contacts with power laws started, s, if known; else NaN.
     since: usize,
-    /// Of a linear mode the orders, each a row: displacements and velocities, in whole blocks of four.
+    /// Orders of a linear mode, each a row: displacements and velocities, in whole blocks of four.
     orders: usize,
     stride: usize,
-    /// Where in a row the velocities start.
+    /// Offset of the velocities in a row.
     velocities: usize,
     /// Oscillators of a linear mode: cosine and sine of each, order by order.
     waves: usize,
@@ -132,7 +132,7 @@ impl Layout {
         }
     }
 
-    /// `cos ωt` of oscillator `i`; its sine follows, one row on.
+    /// Returns the offset of `cos ωt` of oscillator `i`; its sine follows in the next row.
     fn oscillator(i: usize) -> usize {
         2 * i * ROW
     }
@@ -141,23 +141,23 @@ impl Layout {
         self.contacts + (j * CONTACT_ROWS + which) * ROW
     }
 
-    /// Deflection of contact `j` at order `k`.
+    /// Returns the offset of the deflection of contact `j` at order `k`.
     fn deflection(&self, j: usize, k: usize) -> usize {
         self.deflections + (j / LANES * ROW + k) * LANES + j % LANES
     }
 
-    /// `y^power`; in the place of `y⁰` lies the clock's weight w.
+    /// Returns the offset of `y^power`; that of `y⁰` holds the weight w of the clock.
     fn y(&self, power: usize) -> usize {
         self.clock + power * ROW
     }
 }
 
-/// `(a b)_k`.
+/// Returns `(a b)_k`.
 fn product(w: &[f64], a: usize, b: usize, k: usize) -> f64 {
     w[a..=a + k].iter().zip(w[b..=b + k].iter().rev()).fold(0.0, |s, (x, y)| s + x * y)
 }
 
-/// `start + Σ waves` at order `k`.
+/// Returns `start + Σ waves` at order `k`.
 fn waves(start: f64, waves: &[Wave], k: usize, work: &[f64]) -> f64 {
     waves.iter().fold(start, |sum, w| {
         let o = Layout::oscillator(w.index) + k;
@@ -165,19 +165,19 @@ fn waves(start: f64, waves: &[Wave], k: usize, work: &[f64]) -> f64 {
     })
 }
 
-/// One expansion: the motion, where, and the scale of the clock.
+/// Expansion: the motion, its start, and the scale of the clock.
 struct Expansion<'a> {
     s: &'a Structure,
     motion: &'a Motion<'a>,
     request: &'a JetRequest<'a>,
     layout: &'a Layout,
-    /// Span of `θ ∈ [0, 1]` in the step's clock.
+    /// Span of `θ ∈ [0, 1]` in the clock of the step.
     h: f64,
-    /// The state's rows are not wanted, nor what is formed of them.
+    /// True if the rows of the state, and data formed from them, are not needed.
     is_bare: bool,
 }
 
-/// A step to be expanded.
+/// Expansion of a step, as work for a set of instructions.
 struct Expand<'a> {
     motion: &'a Motion<'a>,
     request: &'a JetRequest<'a>,
@@ -193,12 +193,12 @@ impl Work for Expand<'_> {
     }
 }
 
-/// A leap to be made.
+/// Leap, as work for a set of instructions.
 struct Forward<'a> {
     motion: &'a Motion<'a>,
     request: &'a JetRequest<'a>,
     made: Made,
-    /// Steps are looked at.
+    /// True if an observer looks at steps.
     shown: bool,
     leap: &'a mut Leap,
 }
@@ -210,7 +210,7 @@ impl Work for Forward<'_> {
     fn on<P: Path>(self, path: P) -> bool {
         let Self { motion, request, made, shown, leap } = self;
         (leap.is_series, leap.splits, leap.twins) = (false, 0, GuardSet::default());
-        // No closure around what is to be compiled for P: it would be a function of its own.
+        // No closure around code compiled for P: it would be a separate function.
         let propagator = motion.propagator(made).filter(|propagator| propagator.fold.holds(motion, request));
         if let Some(propagator) = propagator {
             let is_next = made.leaps < MOST_LEAPS && !made.by_series;
@@ -229,7 +229,7 @@ impl Work for Forward<'_> {
     }
 }
 
-/// A power to be sampled.
+/// Samples of a power, as work for a set of instructions.
 struct Sample<'a> {
     motion: &'a Motion<'a>,
     step: &'a Jet,
@@ -247,7 +247,7 @@ impl Work for Sample<'_> {
     }
 }
 
-/// A quantity to be shown.
+/// Series of a quantity, as work for a set of instructions.
 struct Show<'a> {
     motion: &'a Motion<'a>,
     step: &'a Jet,
@@ -294,10 +294,10 @@ impl JetField for Motion<'_> {
         }
     }
 
-    /// The stretch `δ − σ b` of closed contacts, and of separated ones from the flank that they have left. It is a small difference of
-    /// displacements: taken afresh at every step, the rounding of a penetration times the contact force would be energy from
-    /// nowhere, and a gap would lose the digits that tell when it closes. Where it is not small nothing is kept (NaN): the
-    /// state is then as good, and cannot drift apart from it. The last number is the time since contacts with power laws started.
+    /// Keeps the stretch `δ − σ b` of closed contacts, and of separated ones from the flank that they have left. It is a small difference
+    /// of displacements. If it were formed afresh at every step, the rounding of a penetration times the contact force would add
+    /// energy, and a gap would lose the digits that decide when it closes. A stretch that is not small is not kept (NaN): the
+    /// state is then as accurate, and cannot drift apart from it. The last number is the time since contacts with power laws started.
     fn carry(&self, step: &Jet, theta: f64, ends: bool, carried: &mut Vec<f64>) {
         let gained = self.gained(Baseline, step, theta);
         self.keep(step, ends, gained.as_flattened(), carried);
@@ -306,12 +306,12 @@ impl JetField for Motion<'_> {
 }
 
 impl Motion<'_> {
-    /// The stretches to be kept after a step, which has added so much to each deflection.
+    /// Writes the stretches to be kept after a step, which has changed the deflections by `added`.
     #[inline(always)]
     fn keep(&self, step: &Jet, ends: bool, added: &[f64], carried: &mut Vec<f64>) {
         let layout = &self.layout;
         carried.clear();
-        // While power laws are closed the time of an event is not known well enough for a gap to be better than the state.
+        // While power laws are closed, the time of an event is too uncertain for a gap to be more accurate than the state.
         let is_lost = ends && step.is_estimate;
         carried.extend(self.parts.iter().enumerate().map(|(j, part)| {
             let is_closed = part.state.side() != 0.0;
@@ -337,7 +337,7 @@ impl Motion<'_> {
         }
     }
 
-    /// The series of the state and how far they hold; `None` where they cannot be formed.
+    /// Forms the series of the state and their reach; `None` if they cannot be formed.
     #[inline(always)]
     fn series<'a, P: Path>(
         &'a self,
@@ -355,7 +355,7 @@ impl Motion<'_> {
         out.order = ORDER;
         let mut e = Expansion { s, motion: self, request, layout, h: request.span, is_bare };
         e.start(path, out);
-        // What is bare is linear: the other recurrence is not compiled for it.
+        // A bare step is linear: the other recurrence is not compiled for it.
         let clock = if !is_bare && self.is_pressed { e.step_clock(&out.work) } else { None };
         if let Some(clock) = &clock {
             e.h = e.clock_span(clock, &out.work);
@@ -382,7 +382,7 @@ impl Motion<'_> {
                 let tail = e.with_left_out(tail, out);
                 return Some((e, clock, tail));
             }
-            // The scale overshot so far that the last coefficients overflowed.
+            // The scale was so large that the last coefficients overflowed.
             e.h *= 1e-6;
             if e.h < f64::MIN_POSITIVE {
                 return None;
@@ -390,7 +390,7 @@ impl Motion<'_> {
         }
     }
 
-    /// `δ − σ b` of contact `j` where its force is exactly zero, for the `stretch` that the state gives to within `rounding`.
+    /// Returns `δ − σ b` of contact `j` where its force is exactly zero; the state gives `stretch` to within `rounding`.
     fn forceless(&self, j: usize, at: Instant, stretch: f64, rounding: f64, rate: impl FnOnce() -> f64) -> f64 {
         let Some(Force::Linear { stiffness, damping }) = self.parts[j].force() else { return stretch };
         let k = self.structure.stiffness_at(j, stiffness, at).0;
@@ -414,7 +414,7 @@ impl Expansion<'_> {
             && (still.contains(guard_id(j, Watch::DriveFlank)) || still.contains(guard_id(j, Watch::BackFlank)))
     }
 
-    /// Deflection rate of contact `j` at order `k`, from the velocities `v` of that order.
+    /// Returns the rate of deflection `j` at order `k`, from the velocities `v` of that order.
     fn rate(&self, j: usize, k: usize, v: &[f64], work: &[f64]) -> f64 {
         let c = &self.s.contacts[j];
         if k == 0 && self.is_still(j) {
@@ -426,7 +426,7 @@ impl Expansion<'_> {
         })
     }
 
-    /// `δ − σ b` of contact `j` at order `k`.
+    /// Returns `δ − σ b` of contact `j` at order `k`.
     fn stretch(&self, j: usize, k: usize, work: &[f64]) -> f64 {
         if k == 0 { work[self.layout.stretches + j] } else { work[self.layout.deflection(j, k)] }
     }

@@ -1,12 +1,12 @@
-//! Modes of one degree of freedom whose stiffness follows the forcing: what a propagator is formed of.
+//! Modes of one degree of freedom whose stiffness follows the forcing: data from which a propagator is formed.
 //!
-//! With `φ` the angle at the start of a span of which those of all waves are multiples, the stiffness over the span is a trigonometric
-//! polynomial in φ, and so is every Taylor coefficient of the motion: of degree h more for each time a wave of degree h has had a part in
-//! it. So the motion is still a matrix polynomial, now of where the span starts times `1, cos φ, sin φ, cos 2φ, …`. Each part of the
-//! stiffness that varies adds a degree and two powers of time: the degrees that count are few.
+//! Let `φ` be the angle at the start of a span of which those of all waves are multiples. The stiffness over the span is a trigonometric
+//! polynomial in φ, and so is every Taylor coefficient of the motion; each factor by a wave of degree h raises the degree by h.
+//! So the motion is still a matrix polynomial, now of the start of the span times `1, cos φ, sin φ, cos 2φ, …`. Each part of the
+//! stiffness that varies adds a degree and two powers of time: few degrees matter.
 //!
-//! What is cut, in time and in φ, is bounded by the same recurrence with the sizes of all numbers, those of waves of order h times `rʰ`:
-//! what it sums to bounds `Σ |c_m| r^m`, and so all degrees beyond m by `r^−(m+1)` of it.
+//! The cut parts, in time and in φ, are bounded by the same recurrence with the sizes of all numbers, those of waves of order h times `rʰ`:
+//! its sum bounds `Σ |c_m| r^m`, and so all degrees beyond m by `r^−(m+1)` of it.
 
 use super::{
     Motion,
@@ -19,24 +19,24 @@ use crate::{
     system::{Elasticity, Force, LoadWave, Spring, Wave},
 };
 
-/// Degrees in φ at most.
+/// Largest degree in φ.
 pub(super) const MOST_DEGREES: usize = 24;
-/// What the degrees beyond may add, relative to all.
+/// Largest permitted contribution of the degrees beyond, relative to the sum of all.
 const BEYOND: f64 = 1e-18;
 /// Values of r that are tried.
 const RATIOS: [f64; 5] = [4.0, 16.0, 64.0, 256.0, 1024.0];
-/// Degrees from here on are formed in doubles: they are small.
+/// First degree that is formed in doubles: such terms are small.
 pub(super) const COARSE: usize = 3;
-/// Factors this small beside the amplitude of their wave multiply in doubles, and degrees this small beside the largest not at all.
+/// Factor, relative to the amplitude of its wave, that multiplies in doubles. Next: degree, relative to the largest, that is omitted.
 const SMALL: f64 = 1e-6;
 const UNSEEN: f64 = 1e-28;
-/// Terms of the sums of sizes, and what the last of them may be relative to its sum.
+/// Number of terms of the sums of sizes, and largest permitted last term relative to its sum.
 const SUMMED: usize = 120;
 const LAST: f64 = 1e-20;
-/// Share of a span that is tried next.
+/// Factor on a span for the next trial.
 const SHORTER: f64 = 0.8;
 
-/// A wave: its angle in units of φ, rad/s, and its parts.
+/// Wave: its angle in units of φ, its frequency, rad/s, and its parts.
 #[derive(Clone, Copy, Debug)]
 struct Swing {
     degree: usize,
@@ -45,24 +45,24 @@ struct Swing {
     sine: f64,
 }
 
-/// The stiffness of a contact in the mode.
+/// Stiffness of a contact in the mode.
 #[derive(Debug)]
 struct Spun {
     mean: f64,
     waves: Vec<Swing>,
 }
 
-/// The stiffnesses of a mode, as functions of φ.
+/// Stiffnesses of a mode, as functions of φ.
 #[derive(Debug)]
 pub(super) struct Modulation {
-    /// The order of φ in the clock, and rad/s.
+    /// Order of φ in the clock; the next field: its frequency, rad/s.
     pub order: u32,
     pub omega: f64,
-    /// By contact, where one acts.
+    /// Stiffness of each contact, if it acts.
     stiffness: Vec<Option<Spun>>,
     /// Accelerations by the loads.
     load: Vec<Swing>,
-    /// The errors of each contact, and their rates.
+    /// Errors of each contact, and their rates.
     errors: Vec<[Vec<Swing>; 2]>,
     pub degrees: usize,
 }
@@ -71,7 +71,7 @@ pub(super) struct Modulation {
 pub(super) type Sums = [f64; 2];
 
 impl Modulation {
-    /// `None` where a stiffness varies in another way, or too much; the inner one where none varies.
+    /// Forms the modulation of a mode. `None` if a stiffness varies in another way or n > 1; `Some(None)` if none varies.
     pub fn new(motion: &Motion) -> Option<Option<Self>> {
         if !motion.is_varying {
             return Some(None);
@@ -113,7 +113,7 @@ impl Modulation {
         }))
     }
 
-    /// The longest span up to `span` over which little enough is cut, and that, as of [`bound`](Self::bound).
+    /// Returns the longest span up to `span` with a small enough cut part, and bounds on that part, as by [`bound`](Self::bound).
     pub fn fit(
         &mut self,
         motion: &Motion,
@@ -131,11 +131,11 @@ impl Modulation {
         None
     }
 
-    /// Chooses the degrees that are kept over `span`, and bounds what is cut, by input and output: the state first.
+    /// Chooses the degrees that are kept over `span`, and bounds the cut parts, by input and output: the state first.
     pub fn bound(&mut self, motion: &Motion, span: f64, inputs: &[Input], outputs: &[Output]) -> Option<Vec<Vec<f64>>> {
         let all = |r: f64| inputs.iter().map(|input| self.sizes(motion, span, *input, outputs, r)).collect::<Vec<_>>();
         let own = all(1.0);
-        // The degree beyond which an input and an output have no more than that.
+        // Degree beyond which the contribution of each input to each output is below the limit.
         let needed = |sums: &[Vec<Sums>], r: f64| {
             let pairs = sums.iter().flatten().zip(own.iter().flatten()).filter(|(_, own)| own[0] > 0.0);
             pairs.fold(0.0, |m: f64, (sum, own)| m.max(libm::log(sum[0] / (BEYOND * own[0])) / libm::log(r)))
@@ -163,13 +163,13 @@ impl Modulation {
         Some(cut)
     }
 
-    /// Bounds on the sums of the sizes of all Taylor terms of order one and more, waves of order h times `rʰ`: of q, of v, of the outputs.
+    /// Bounds the sums of the sizes of all Taylor terms of order one and more, waves of order h times `rʰ`: of q, of v, of the outputs.
     fn sizes(&self, motion: &Motion, span: f64, input: Input, outputs: &[Output], r: f64) -> Vec<Sums> {
         let s = motion.structure;
         let mut sums = vec![[0.0; 2]; 2 + outputs.len()];
         let is = |other: Input| f64::from(u8::from(input == other));
         let (mut q, mut v) = (is(Input::Displacement(0)), is(Input::Velocity(0)));
-        // Of every order what a unit of all waves has.
+        // Contribution of a unit of all waves at every order.
         let of = |swings: &[Swing]| {
             let mut all = vec![0.0; SUMMED + 1];
             for w in swings {
@@ -210,7 +210,7 @@ impl Modulation {
                 for (sum, value) in sums.iter_mut().zip([q, v].into_iter().chain(rows)) {
                     sum[0] += value;
                     sum[1] += if order > ORDERS { value } else { 0.0 };
-                    // Where the terms have not died away the sum says nothing.
+                    // A sum whose last term is not small is no bound.
                     if order == SUMMED && value > LAST * sum[0] {
                         *sum = [f64::INFINITY; 2];
                     }
@@ -222,7 +222,7 @@ impl Modulation {
         sums
     }
 
-    /// Taylor coefficients for one unit input, by `1, cos φ, sin φ, …`.
+    /// Returns Taylor coefficients for one unit input, by `1, cos φ, sin φ, …`.
     pub fn series(&self, motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Vec<Series> {
         let s = motion.structure;
         let count = 2 * self.degrees + 1;
@@ -307,7 +307,7 @@ impl Modulation {
 }
 
 impl Swing {
-    /// `c cos(hφ + ωt) + s sin(hφ + ωt)` as a series in t over the span: at each order the factors of `cos hφ` and `sin hφ`.
+    /// Returns `c cos(hφ + ωt) + s sin(hφ + ωt)` as a series in t over the span: the factors of `cos hφ` and `sin hφ` at each order.
     fn series(&self, span: f64) -> Vec<[Wide; 2]> {
         let (mut cosine, mut sine) = (Wide::from(1.0), Wide::default());
         let step = Wide::product(self.omega, span);
@@ -335,7 +335,7 @@ fn add(sum: &mut [Wide], degree: usize, cosine: Wide, sine: Wide) {
     }
 }
 
-/// The same of doubles.
+/// Adds doubles to `cos` and `sin` of a multiple of φ, as [`add`] does.
 fn add_coarse(sum: &mut [Wide], degree: usize, cosine: f64, sine: f64) {
     if degree == 0 {
         sum[0].hi += cosine;

@@ -1,4 +1,4 @@
-//! A mode, compiled: what every contact does, what is watched, and how fast it can move. An arc reads this and no law.
+//! Compiled mode: action of every contact, guards watched, and bounds on its rates. An arc reads this and no law.
 
 use std::{
     cell::{OnceCell, RefCell},
@@ -18,17 +18,17 @@ use crate::{
     system::{Acting, ContactMode, Elasticity, Force, Sticking, Structure, Watch, contact_mode, guard_id},
 };
 
-/// One contact in a mode.
+/// Contact in a mode.
 #[derive(Debug)]
 pub(super) struct Part {
     pub state: ContactMode,
-    /// Side of the flank that its law is on; 0 where the law acts on the deflection itself.
+    /// Side of the flank of its law, ±1; 0 if the law acts on the deflection itself.
     pub side: f64,
     pub acting: Option<Acting>,
 }
 
 impl Part {
-    /// The law acts on the deflection itself.
+    /// Returns whether the law acts on the deflection itself.
     pub fn is_bilateral(&self) -> bool {
         self.acting.is_some_and(|a| a.side == 0.0)
     }
@@ -37,7 +37,7 @@ impl Part {
         self.acting.map(|a| a.force)
     }
 
-    /// The linear law that carries force: its stiffness and damping.
+    /// Returns stiffness and damping of the linear law that carries force, if any.
     pub fn carried_linear(&self) -> Option<(Elasticity, f64)> {
         match self.acting? {
             Acting { is_carried: true, force: Force::Linear { stiffness, damping }, .. } => Some((stiffness, damping)),
@@ -45,57 +45,57 @@ impl Part {
         }
     }
 
-    /// The force is that of a closed power law.
+    /// Returns whether the force is that of a closed power law.
     pub fn is_pressed(&self) -> bool {
         matches!(self.acting, Some(Acting { is_carried: true, force: Force::Power { .. }, .. }))
     }
 }
 
-/// One guard of a mode.
+/// Guard of a mode.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watched {
     pub id: GuardId,
     pub contact: usize,
     pub watch: Watch,
-    /// Makes the guard positive inside the mode.
+    /// Sign that makes the guard positive inside the mode.
     pub sign: f64,
 }
 
 impl Watched {
-    /// Sign of the deflection in a guard of position.
+    /// Returns the sign of the deflection in a guard of position.
     pub fn along(&self) -> f64 {
         if self.watch == Watch::DriveFlank { -self.sign } else { self.sign }
     }
 }
 
-/// The smooth motion of a structure in one mode.
+/// Smooth motion of a structure in one mode.
 #[derive(Debug)]
 pub(super) struct Motion<'s> {
     pub(super) structure: &'s Structure,
     pub(super) mode: Mode,
     pub(super) layout: Layout,
-    /// Each contact.
+    /// Contacts, by number.
     pub(super) parts: Box<[Part]>,
     pub(super) guards: Box<[Watched]>,
-    /// The rigid contacts at rest.
+    /// Rigid contacts at rest.
     pub(super) held: Option<Sticking>,
     pub(super) forcing: Forcing,
     pub(super) growth: Growth,
-    /// No power law is inside its flank's zone, nothing rests, and the degrees of freedom are few enough for the fast path.
+    /// True if no power law is inside the zone of its flank, nothing rests, and the fast path covers the number of degrees of freedom.
     pub(super) is_linear: bool,
-    /// Some power law is closed.
+    /// True if some power law is closed.
     pub(super) is_pressed: bool,
-    /// Some stiffness is a series.
+    /// True if some stiffness is a series.
     pub(super) is_varying: bool,
-    /// The contacts whose force is a guard.
+    /// Contacts whose force is a guard.
     pub(super) watched_forces: Box<[usize]>,
-    /// What the recurrences read.
+    /// Data that the recurrences read.
     pub(super) compiled: Rc<Compiled>,
-    /// Room for series that are not of a linear mode.
+    /// Buffers for series of modes that are not linear.
     pub(super) room: RefCell<Room>,
-    /// Formed when it is first asked for.
+    /// Formed at the first request.
     pub(super) propagator: OnceCell<Option<Rc<Propagator>>>,
-    /// As well.
+    /// Formed at the first request.
     pub(super) pressed: OnceCell<Option<Pressed>>,
 }
 
@@ -137,12 +137,12 @@ impl<'s> Motion<'s> {
 }
 
 impl Motion<'_> {
-    /// The contacts that carry force.
+    /// Iterates over the contacts that carry force.
     pub fn carrying(&self) -> impl Iterator<Item = Acting> {
         self.parts.iter().filter_map(|part| part.acting).filter(|acting| acting.is_carried)
     }
 
-    /// Some stiffness rises along a ramp.
+    /// Returns whether some stiffness rises along a ramp.
     pub fn has_ramp(&self) -> bool {
         let is_ramp = |p: &Part| matches!(p.force(), Some(Force::Linear { stiffness: Elasticity::Ramp { .. }, .. }));
         self.parts.iter().any(is_ramp)
@@ -150,7 +150,7 @@ impl Motion<'_> {
 }
 
 impl Structure {
-    /// The motion in `mode`, compiled.
+    /// Returns the compiled motion in `mode`.
     pub(crate) fn compile(&self, mode: &Mode) -> Box<dyn JetField + '_> {
         Box::new(Motion::new(self, mode))
     }

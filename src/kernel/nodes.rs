@@ -2,7 +2,7 @@
 //!
 //! With `x = 2θ − 1` the nodes are the zeros of `T_S(x)`, in pairs ±x. Even and odd parts go through matrices of half the order each. A
 //! function that is analytic inside the ellipse with foci ±1 and half axes of sum ρ, and at most M there, has Chebyshev coefficients of at
-//! most `2Mρ⁻ᵏ`. At the nodes a `T_k` beyond the interpolant looks like one of it, so the interpolant is off by at most
+//! most `2Mρ⁻ᵏ`. At the nodes a `T_k` beyond the interpolant equals one of its own, so the error of the interpolant is at most
 //!
 //! ```text
 //! 2 Σ_{k≥S} 2Mρ⁻ᵏ = 4M ρ⁻ˢ/(1 − 1/ρ)
@@ -18,14 +18,14 @@ use crate::{
     vectors::{Path, fused},
 };
 
-/// Pairs of nodes, and nodes.
+/// Number of pairs of nodes; the next constant: number of nodes.
 const PAIRS: usize = 11;
 pub(super) const NODES: usize = 2 * PAIRS;
-/// Room for one of each pair and for an end: whole vectors of four.
+/// Number of values of one side: one of each pair and an end, in whole vectors of four.
 const SIDE: usize = PAIRS + 1;
-/// Room for values: those at positive x and at x = 1, then those at −x. And for coefficients: a second integral has `NODES + 2`.
+/// Number of values: at positive x and x = 1, then at −x. It suffices for coefficients: a second integral has `NODES + 2`.
 pub(super) const LANES: usize = 2 * SIDE;
-/// Place of the value at the end.
+/// Index of the value at the end.
 pub(super) const END: usize = PAIRS;
 /// Largest factor from values at the nodes to a value of their interpolant: `(2/π)(ln S + γ + ln(8/π))` is 2.93.
 pub(super) const LEBESGUE: f64 = 3.0;
@@ -35,19 +35,19 @@ pub(super) const SUMMED: f64 = (PAIRS + 6) as f64 * 0.5 * f64::EPSILON;
 /// Sums of half axes of the ellipses on which functions are bounded.
 const ELLIPSES: [f64; 5] = [7.0, 6.0, 8.5, 5.0, 11.0];
 
-/// Covers the rounding of sums of sizes.
+/// Factor that covers the rounding of sums of sizes.
 pub(super) const ROUNDED: f64 = 1.001;
 
 /// Values, or coefficients: the even ones, then the odd ones.
 pub(super) type Values = [f64; LANES];
-/// Fours of one half.
+/// Number of fours of one half.
 const SIDE_FOURS: usize = SIDE / 4;
 /// Values four side by side.
 pub(super) type Fours<P> = Row<P, { 2 * SIDE_FOURS }>;
 type Half = [f64; SIDE];
 type Matrix = [Half; PAIRS];
 
-/// The ends are no nodes.
+/// Mask of the nodes: the ends are not nodes.
 const INSIDE: Half = {
     let mut inside = [1.0; SIDE];
     inside[END] = 0.0;
@@ -58,24 +58,24 @@ const INSIDE: Half = {
 pub(super) struct Ellipse {
     /// `ρᵏ`, at least the largest size of `T_k` on it.
     pub powers: Values,
-    /// What of a bound on it an interpolant may be off by.
+    /// Error bound of an interpolant, relative to a bound of the function on the ellipse.
     pub share: f64,
 }
 
-/// The constants. Of two matrices the first takes the even part of a function, the second the odd one.
+/// Constants of the nodes. Of two matrices, the first applies to the even part of a function, the second to the odd part.
 pub(super) struct Nodes {
-    /// θ.
+    /// Places θ of the nodes.
     pub theta: Values,
-    /// The integral over θ from the middle, and the integral of that.
+    /// Integral over θ from the middle; the next field: integral of this integral.
     once: [Matrix; 2],
     twice: [Matrix; 2],
-    /// Even and odd Chebyshev coefficients, and back.
+    /// Values to even and odd Chebyshev coefficients; the next field: the inverse.
     coefficients: [Matrix; 2],
     values: [Matrix; 2],
     pub ellipses: [Ellipse; ELLIPSES.len()],
 }
 
-/// `T_0(x) … T_{count−1}(x)`.
+/// Returns `T_0(x) … T_{count−1}(x)`.
 fn chebyshev(x: Wide, count: usize) -> Vec<Wide> {
     let mut t = vec![Wide::from(1.0), x];
     for k in 2..count {
@@ -84,7 +84,7 @@ fn chebyshev(x: Wide, count: usize) -> Vec<Wide> {
     t
 }
 
-/// Chebyshev coefficients of the integral over θ from the middle, `x = 0`.
+/// Returns the Chebyshev coefficients of the integral over θ from the middle, `x = 0`.
 fn integrated(a: &[Wide]) -> Vec<Wide> {
     let at = |k: usize| a.get(k).copied().unwrap_or_default();
     let mut b = vec![Wide::default()];
@@ -101,7 +101,7 @@ fn value_of(a: &[Wide], basis: &[Wide]) -> Wide {
     a.iter().zip(basis).fold(Wide::default(), |sum, (a, t)| sum + *a * *t)
 }
 
-/// Formed in two doubles and rounded once.
+/// Table of the constants, formed in two doubles and rounded once.
 static TABLE: LazyLock<Box<Nodes>> = LazyLock::new(|| {
     let node = |l: usize| {
         let angle = std::f64::consts::PI * (2 * l + 1) as f64 / (2 * NODES) as f64;
@@ -157,7 +157,7 @@ pub(super) fn fours<P: Path>(path: P, values: &Values) -> Fours<P> {
     fours
 }
 
-/// The numbers.
+/// Stores values.
 #[inline(always)]
 pub(super) fn numbers<P: Path>(path: P, fours: &Fours<P>) -> Values {
     let mut values = [0.0; LANES];
@@ -167,7 +167,7 @@ pub(super) fn numbers<P: Path>(path: P, fours: &Fours<P>) -> Values {
     values
 }
 
-/// Even and odd part.
+/// Returns the even and the odd part.
 #[inline(always)]
 fn parts<P: Path>(path: P, f: &Fours<P>) -> Values {
     let (half, mut parts) = (path.all(0.5), *f);
@@ -178,7 +178,7 @@ fn parts<P: Path>(path: P, f: &Fours<P>) -> Values {
     numbers(path, &parts)
 }
 
-/// `Σ parts_i matrix_i` of even and odd parts, for each pair of matrices. All sums are formed together: they fill the registers.
+/// Returns `Σ parts_i matrix_i` of even and odd parts, for each pair of matrices. All sums are formed together to fill the registers.
 #[inline(always)]
 fn products<P: Path, const N: usize>(path: P, of: [(&[Matrix; 2], &Values); N]) -> [Fours<P>; N] {
     let mut sums = [[path.all(0.0); 2 * SIDE_FOURS]; N];
@@ -196,19 +196,19 @@ fn products<P: Path, const N: usize>(path: P, of: [(&[Matrix; 2], &Values); N]) 
     sums
 }
 
-/// Both parts at the end.
+/// Returns both parts at the end.
 #[inline(always)]
 fn ends<P: Path>(path: P, parts: &Fours<P>) -> [f64; 2] {
     [path.numbers(parts[END / 4])[END % 4], path.numbers(parts[SIDE_FOURS + END / 4])[END % 4]]
 }
 
 impl Nodes {
-    /// The one table.
+    /// Returns the table of the constants.
     pub fn table() -> &'static Self {
         &TABLE
     }
 
-    /// `v = start + h ∫ f dθ`.
+    /// Returns `v = start + h ∫ f dθ`.
     #[inline(always)]
     pub fn integral<P: Path>(&self, path: P, f: &Fours<P>, h: f64, start: f64) -> Fours<P> {
         // The integral of an even function from the middle is odd.
@@ -217,7 +217,7 @@ impl Nodes {
         added(path, &once, h, path.all(fused::<P>(h, odd - even, start)))
     }
 
-    /// `v = rate + h ∫ f dθ`, and `start + h ∫ v dθ`.
+    /// Returns `v = rate + h ∫ f dθ` and `start + h ∫ v dθ`.
     #[inline(always)]
     pub fn integrals<P: Path>(&self, path: P, f: &Fours<P>, h: f64, [start, rate]: [f64; 2]) -> [Fours<P>; 2] {
         let parts = parts(path, f);
@@ -238,7 +238,7 @@ impl Nodes {
         [v, y]
     }
 
-    /// The Chebyshev coefficients of the interpolants of two functions.
+    /// Returns the Chebyshev coefficients of the interpolants of two functions.
     #[inline(always)]
     pub fn coefficients<P: Path>(&self, path: P, f: &Fours<P>, g: &Fours<P>) -> [Values; 2] {
         let [f, g] = [parts(path, f), parts(path, g)];
@@ -246,7 +246,7 @@ impl Nodes {
         [numbers(path, &f), numbers(path, &g)]
     }
 
-    /// Bounds on the differences between two functions and the polynomials with these coefficients, at the nodes.
+    /// Bounds the differences between two functions and the polynomials with these coefficients, at the nodes.
     #[inline(always)]
     pub fn differences<P: Path>(&self, path: P, [a, b]: [&Values; 2], [f, g]: [&Fours<P>; 2]) -> [f64; 2] {
         let [a, b] = products(path, [(&self.values, a), (&self.values, b)]);
@@ -266,7 +266,7 @@ fn added<P: Path>(path: P, integral: &Fours<P>, h: f64, from: P::Four) -> Fours<
     v
 }
 
-/// Of a function with these even and odd parts, and f, at the nodes.
+/// Returns a bound on the difference at the nodes between f and the function with these even and odd parts: the root of its squares.
 #[inline(always)]
 fn difference<P: Path>(path: P, parts: &Fours<P>, f: &Fours<P>) -> f64 {
     let mut difference = *parts;
@@ -278,7 +278,7 @@ fn difference<P: Path>(path: P, parts: &Fours<P>, f: &Fours<P>) -> f64 {
     dot(path, &difference, &difference).sqrt()
 }
 
-/// `1/4k`, in the order of coefficients.
+/// Factors `1/4k`, in the order of coefficients.
 const QUARTERS: Values = {
     let mut quarters = [0.0; LANES];
     let mut l = 1;
@@ -289,7 +289,7 @@ const QUARTERS: Values = {
     quarters
 };
 
-/// Coefficients of `start + h ∫ a dθ`, from those of a, of which the last is zero.
+/// Returns the coefficients of `start + h ∫ a dθ`, from those of a, of which the last is zero.
 #[inline(always)]
 pub(super) fn antiderivative(a: &Values, h: f64, start: f64) -> Values {
     let mut b = [0.0; LANES];
@@ -312,12 +312,12 @@ pub(super) fn antiderivative(a: &Values, h: f64, start: f64) -> Values {
     b
 }
 
-/// Coefficient `k`.
+/// Returns coefficient `k`.
 pub(super) fn coefficient(a: &Values, k: usize) -> f64 {
     a[k % 2 * SIDE + k / 2]
 }
 
-/// `Σ a_k T_k(2θ − 1)`.
+/// Returns `Σ a_k T_k(2θ − 1)`.
 pub(super) fn value(a: &Values, theta: f64) -> f64 {
     let x = 2.0 * theta - 1.0;
     let (mut b, mut before) = (0.0, 0.0);
@@ -327,7 +327,7 @@ pub(super) fn value(a: &Values, theta: f64) -> f64 {
     x * b - before + a[0]
 }
 
-/// `Σ a_k b_k`.
+/// Returns `Σ a_k b_k`.
 #[inline(always)]
 pub(super) fn dot<P: Path>(path: P, a: &Fours<P>, b: &Fours<P>) -> f64 {
     let mut sums = path.all(0.0);
@@ -338,7 +338,7 @@ pub(super) fn dot<P: Path>(path: P, a: &Fours<P>, b: &Fours<P>) -> f64 {
     (a + b) + (c + d)
 }
 
-/// `Σ |a_k|`.
+/// Returns `Σ |a_k|`.
 #[inline(always)]
 pub(super) fn total<P: Path>(path: P, a: &Values) -> f64 {
     let mut sums = path.all(0.0);
@@ -349,7 +349,7 @@ pub(super) fn total<P: Path>(path: P, a: &Values) -> f64 {
     (a + b) + (c + d)
 }
 
-/// The sizes of coefficients.
+/// Returns the sizes of coefficients.
 #[inline(always)]
 pub(super) fn sizes<P: Path>(path: P, a: &Values) -> Fours<P> {
     let mut sizes = fours(path, a);

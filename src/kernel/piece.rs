@@ -1,4 +1,4 @@
-//! A piece of the motion of one closed power law, by collocation in its root clock.
+//! Piece of the motion under one closed power law, by collocation in its root clock.
 //!
 //! With penetration `p = y^q`, `dt = q y^(q−1) ds` and the piece `s = hθ`,
 //!
@@ -7,7 +7,7 @@
 //! ```
 //!
 //! f is a polynomial F of degree S − 1, by its values at S nodes, v and y are its integrals, t that of the interpolant of w. Picard
-//! iteration brings F to f at the nodes. What is left is bounded, [`docs/EVENTS.md`](../../docs/EVENTS.md), line 39.
+//! iteration brings F to f at the nodes. The rest is bounded, [`docs/EVENTS.md`](../../docs/EVENTS.md), line 39.
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler unrolls
 
@@ -17,77 +17,77 @@ use super::nodes::{
 };
 use crate::vectors::Path;
 
-/// Powers of the time in the series of what drives the contact.
+/// Number of powers of time in the series of the drive of the contact.
 pub(super) const POWERS: usize = 16;
-/// Radians of the fastest drive that a piece may last: what that series leaves out is below 2e-17 of the amplitude.
+/// Longest piece, in radians of the fastest drive: the truncation of the series of the drive is below 2e-17 of the amplitude.
 const SLOW: f64 = 0.6;
-/// What the series may leave out.
+/// Largest permitted truncation of the series, relative to the amplitude.
 pub(super) const CUT: f64 = 2e-17;
-/// Times the longest that a piece at its first speed would last.
+/// Factor on the longest duration of a piece that continues at its first speed.
 const LASTING: f64 = 1.1;
-/// Sweeps after which the iteration has failed.
+/// Number of sweeps after which the iteration has failed.
 const SWEEPS: usize = 28;
-/// Share by which F has to settle between two sweeps of the time: it is felt through the drive alone.
+/// Ratio by which F must settle between two sweeps of the time, which affects F through the drive alone.
 const LATE: f64 = 1e-4;
-/// A change of F this much smaller than its largest value is rounding.
+/// Change of F, relative to its largest value, that is rounding.
 const SETTLED: f64 = 16.0 * f64::EPSILON;
 /// Half a unit in the last place.
 const UNIT: f64 = 0.5 * f64::EPSILON;
-/// Largest sum of the sizes of the factors of an integral, that of its ends included.
+/// Bound on the sum of the sizes of the factors of an integral, that of its ends included.
 const SIZE: f64 = 2.5;
-/// Coefficients of F that guess the next piece.
+/// Number of coefficients of F that predict the next piece.
 const CONTINUED: usize = 14;
-/// The length of a piece times the rate of its motion: at the end of its ellipse, and where it starts.
+/// Length of a piece times the rate of its motion: at the end of its ellipse, and at its start.
 const LENGTHS: [f64; 2] = [1.7, 1.2];
-/// How far beyond a piece its ellipse reaches, in lengths; more for forces that rise more steeply.
+/// Reach of the ellipse of a piece beyond it, in lengths; more for forces that rise more steeply.
 const AROUND: [f64; 2] = [0.85, 0.03];
-/// A piece that could end the contact is this much longer than it takes at its first speed.
+/// Factor on `y/−v`, at which y is zero at the first speed, for the length of a piece that may end the contact.
 const BEYOND: f64 = 1.02;
-/// And ends it where its length would be this share of that.
+/// Share of this length from which on a piece is extended to it.
 const NEARLY: f64 = 0.7;
 /// Share by which bounds on the motion are widened for its error.
 const TUBE: f64 = 1e-6;
-/// Largest defect of a piece, times its length and relative to the speed, that makes no shorter one worth while.
+/// Defect of a piece, times its length and relative to the speed, below which a shorter one gains nothing.
 const GOAL: f64 = 3e-14;
 
-/// The numbers of a closed contact.
+/// Parameters of a closed contact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Law {
     /// Numerator and denominator of the exponent.
     pub exponent: [u32; 2],
-    /// `k` and χ: the force on the mass that the contact feels is `k pⁿ (1 + χ ṗ)`.
+    /// `k`; the next field: χ. The force over the effective mass of the contact is `k pⁿ (1 + χ ṗ)`.
     pub stiffness: f64,
     pub hysteresis: f64,
-    /// `κ` and γ: the body's own spring and damper; and whether there is one.
+    /// `κ`; the next fields: γ, and true if the body has a spring or a damper of its own.
     pub spring: f64,
     pub damping: f64,
     pub is_held: bool,
-    /// q.
+    /// q, as a real number.
     pub root: f64,
 }
 
-/// What drives the contact, from the start of a piece on.
+/// Drive of the contact, from the start of a piece on.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Drive {
-    /// Taylor coefficients of A, as far as they are needed.
+    /// Taylor coefficients of A, up to the number `len`.
     pub series: [f64; POWERS],
     pub len: usize,
     /// Sums of the sizes of all terms of A and of its rate.
     pub sizes: [f64; 2],
-    /// The fastest frequency, rad/s.
+    /// Fastest frequency, rad/s.
     pub fastest: f64,
-    /// How long the series hold, s: what they leave out is below [`CUT`] of the sizes.
+    /// Duration for which the series hold, s: their truncation is below [`CUT`] of the sizes.
     pub lasts: f64,
 }
 
-/// F of a piece, by its coefficients, and its length.
+/// Coefficients of F on a piece, and the length of the piece.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Before {
     pub f: Values,
     pub h: f64,
 }
 
-/// Where a piece starts.
+/// Start of a piece.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
     pub y: f64,
@@ -96,7 +96,7 @@ pub(super) struct Point {
     pub errors: [f64; 3],
 }
 
-/// A piece.
+/// Piece of the motion.
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
     pub h: f64,
@@ -105,11 +105,11 @@ pub(super) struct Piece {
     pub y: Values,
     pub v: Values,
     pub t: Values,
-    /// And of w.
+    /// Chebyshev coefficients of w.
     w: Values,
-    /// y, v and the time at the end.
+    /// Values of y, v and the time at the end.
     pub end: [f64; 3],
-    /// The least and the largest value of y and v.
+    /// Smallest and largest value of y and of v.
     pub range: [[f64; 2]; 2],
     /// Bounds on the errors of y, v and the time, on the whole piece where y is not negative.
     pub errors: [f64; 3],
@@ -142,7 +142,7 @@ fn powers<P: Path>(path: P, y: &Fours<P>, n: u32) -> Fours<P> {
 }
 
 impl Law {
-    /// w, and f.
+    /// Returns w and f.
     #[inline(always)]
     fn forces<P: Path>(&self, path: P, drive: &[f64], [y, v, t]: [&Fours<P>; 3]) -> [Fours<P>; 2] {
         let mut w = powers(path, y, self.exponent[1] - 1);
@@ -170,7 +170,7 @@ impl Law {
         [w, a]
     }
 
-    /// A bound on w, and on the sum of the sizes of the terms of f over it, for sizes of y, v and A.
+    /// Returns a bound on w, and on the sum of the sizes of the terms of f over w, for sizes of y, v and A.
     #[inline(always)]
     pub fn most(&self, y: f64, v: f64, a: f64) -> [f64; 2] {
         let [p, q] = self.exponent;
@@ -178,7 +178,7 @@ impl Law {
         [self.root * power(y, q - 1), a + self.spring * power(y, q) + self.damping * v + force]
     }
 
-    /// The part of `−∂f/∂y` that is not negative while y and the force are not, for `1 + χ v`; the size of the rest is `∂²p/∂y² (A + γ v)`.
+    /// Returns the part of `−∂f/∂y` that is not negative while y and the force are not; `factor` is `1 + χ v`. Rest: `∂²p/∂y² (A + γ v)`.
     #[inline(always)]
     fn stiffening(&self, y: f64, factor: f64) -> f64 {
         let ([p, q], root) = (self.exponent, self.root);
@@ -186,40 +186,40 @@ impl Law {
         if self.spring == 0.0 { own } else { own + self.spring * root * (2.0 * root - 1.0) * power(y, 2 * q - 2) }
     }
 
-    /// `∂²p/∂y²`.
+    /// Returns `∂²p/∂y²`.
     #[inline(always)]
     fn curvature(&self, y: f64) -> f64 {
         let q = self.root;
         if self.exponent[1] < 2 { 0.0 } else { q * (q - 1.0) * power(y, self.exponent[1] - 2) }
     }
 
-    /// `y^q`.
+    /// Returns `p = y^q`.
     pub fn penetration(&self, y: f64) -> f64 {
         power(y, self.exponent[1])
     }
 
-    /// `y^P = pⁿ`.
+    /// Returns `y^P = pⁿ`.
     pub fn elastic(&self, y: f64) -> f64 {
         power(y, self.exponent[0])
     }
 
-    /// `p̈` at a penetration of `y^q`.
+    /// Returns `p̈` at a penetration of `y^q`.
     pub fn acceleration(&self, y: f64, v: f64, a: f64) -> f64 {
         let [p, q] = self.exponent;
         a - self.spring * power(y, q) - self.damping * v - self.stiffness * power(y, p) * (1.0 + self.hysteresis * v)
     }
 
-    /// `y^q` for the error `e` of y: how much it may be off.
+    /// Returns a bound on the error of `y^q` by the error `e` of y.
     pub fn penetration_error(&self, y: f64, e: f64) -> f64 {
         self.root * power(y.abs() + e, self.exponent[1] - 1) * e
     }
 
-    /// How long a piece of length `h` lasts at most, unless it is driven faster than it starts.
+    /// Returns the longest duration of a piece of length `h`, s, unless it is driven faster than it starts.
     pub fn lasts(&self, start: &Point, h: f64) -> f64 {
         LASTING * h * self.most(start.y + h * start.v.max(0.0), 0.0, 0.0)[0]
     }
 
-    /// The length of a piece from `start`: its rate λ, the root of `−∂f/∂y`, changes little on it and around it.
+    /// Returns the length of a piece from `start`, such that its rate λ, the root of `−∂f/∂y`, changes little on it and around it.
     pub fn length(&self, drive: &Drive, start: &Point) -> f64 {
         let Point { y, v, .. } = *start;
         let [p, q] = self.exponent;
@@ -233,7 +233,7 @@ impl Law {
         if h * reach > y {
             h = h.min(libm::pow(far / self.stiffening(reach, factor), 1.0 / f64::from(m + 2)));
         }
-        // From above Newton's method comes down to the root of a convex function.
+        // From above, Newton's method descends to the root of a convex function.
         for _ in 0..8 {
             let end = y + h * reach;
             let square = rate(end);
@@ -254,7 +254,7 @@ impl Law {
     }
 }
 
-/// Terms that a series needs over `angle` radians of its fastest frequency.
+/// Returns the number of terms that a series needs over `angle` radians of its fastest frequency.
 pub(super) fn lasting(angle: f64) -> usize {
     let (mut len, mut term) = (1, angle);
     while term > CUT && len < POWERS {
@@ -264,7 +264,7 @@ pub(super) fn lasting(angle: f64) -> usize {
     len
 }
 
-/// Values of a polynomial by its first coefficients, at `1 + ratio·2θ`.
+/// Evaluates a polynomial by its first coefficients at `1 + ratio·2θ`.
 #[inline(always)]
 fn continued<P: Path>(path: P, f: &Values, ratio: f64, theta: &Values) -> Fours<P> {
     let (two, by) = (path.all(2.0), path.all(4.0 * ratio));
@@ -289,15 +289,15 @@ fn continued<P: Path>(path: P, f: &Values, ratio: f64, theta: &Values) -> Fours<
 }
 
 impl Piece {
-    /// Whether it is known that y is positive, or that it falls once and for all.
+    /// Returns whether it is known that y is positive, or that it falls once and stays negative.
     pub fn is_told(&self) -> bool {
         let [[low, _], [slowest, fastest]] = self.range;
         let end = self.end[0];
         slowest > 0.0 || (low > 0.0 && end > 0.0) || (fastest < 0.0 && end.abs() > self.errors[0])
     }
 
-    /// The piece of length `h` from `start`; `before` it another one. `None` where the iteration does not settle, or the defect is large
-    /// against the speed `scale`.
+    /// Returns the piece of length `h` from `start`, after the piece `before`. `None` if the iteration does not settle, or the defect is
+    /// large against the speed `scale`.
     #[inline(always)]
     pub fn new<P: Path>(
         path: P,
@@ -330,7 +330,7 @@ impl Piece {
         Some(piece)
     }
 
-    /// A sum of Chebyshev coefficients is between the first of them less and plus the sizes of all others.
+    /// Bounds y and v: a Chebyshev sum is between its first coefficient minus and plus the sizes of all others.
     #[inline(always)]
     fn ranges<P: Path>(&mut self, path: P, start: &Point, scale: f64) {
         let [of_y, of_v] = [(&self.y, total(path, &self.y)), (&self.v, total(path, &self.v))].map(|(a, total)| {
@@ -362,14 +362,14 @@ impl Piece {
         scale: f64,
     ) -> Option<()> {
         let h = self.h;
-        // The polynomials of the coefficients are those of the values but for this.
+        // Difference of the polynomials of the coefficients from those of the values.
         let [f, w] = [total(path, &self.f), total(path, &self.w)];
         let apart = [LEBESGUE * (rest.apart[0] + SUMMED * f), LEBESGUE * (rest.apart[1] + SUMMED * w)];
         let [[low, high], [slowest, fastest]] = self.range;
         let (speed, time) = (fastest.max(-slowest), self.end[2]);
         let [w, terms] = law.most(high, speed, drive.sizes[0]);
         let (most_f, most_w) = (w * terms, w);
-        // What sums over the nodes are rounded by.
+        // Rounding of sums over the nodes.
         let [ty, tv, tt] = [
             h * h * (SIZE * SUMMED * most_f + apart[0]) + 4.0 * UNIT * (high + h * speed),
             h * (SIZE * SUMMED * most_f + apart[0]) + 4.0 * UNIT * speed,
@@ -411,7 +411,7 @@ impl Piece {
         is_known.then_some(())
     }
 
-    /// What the interpolants of f and w leave out.
+    /// Returns the truncations of the interpolants of f and w.
     #[inline(always)]
     fn truncated<P: Path>(&self, path: P, nodes: &Nodes, law: &Law, drive: &Drive, small: f64) -> [f64; 2] {
         let [y, v, t] = [sizes(path, &self.y), sizes(path, &self.v), sizes(path, &self.t)];
@@ -432,7 +432,7 @@ impl Piece {
         best
     }
 
-    /// y, v and the time at `θ`, and the rounding of each.
+    /// Returns y, v and the time at `θ`, each with its rounding.
     pub fn at(&self, theta: f64) -> [[f64; 2]; 3] {
         [&self.y, &self.v, &self.t].map(|row| {
             let rounded = (0..LANES).fold(0.0, |sum, k| sum + (k + 2) as f64 * coefficient(row, k).abs());
@@ -441,11 +441,11 @@ impl Piece {
     }
 }
 
-/// What is left of a piece at its nodes.
+/// Residuals of a piece at its nodes.
 struct Rest {
-    /// A bound on the difference between F and f.
+    /// Bound on the difference between F and f.
     residual: f64,
-    /// And between each of F and w and the polynomial of its coefficients.
+    /// Bounds on the differences of F and w from the polynomials of their coefficients.
     apart: [f64; 2],
 }
 
@@ -467,7 +467,7 @@ impl<P: Path> Sweep<P> {
         Self { h, f: zero, w: zero, y, v, t: zero }
     }
 
-    /// Iterates until F is f at the nodes, up to rounding: the largest difference that is left.
+    /// Iterates until F is f at the nodes, up to rounding. Returns the largest remaining difference.
     #[inline(always)]
     fn settle(&mut self, path: P, nodes: &Nodes, law: &Law, drive: &Drive, start: &Point) -> Option<f64> {
         let series = &drive.series[..drive.len];
@@ -487,7 +487,7 @@ impl<P: Path> Sweep<P> {
                 if is_last {
                     return Some(residual.sqrt());
                 }
-                // Once more with the time that belongs to y.
+                // One more sweep with the time that belongs to y.
                 is_timed = true;
                 continue;
             }

@@ -1,7 +1,7 @@
-//! The way of a single closed power law to its release or to the bound, piece by piece: `docs/EVENTS.md`, line 39.
+//! Motion under a single closed power law to its release or to the bound, piece by piece: `docs/EVENTS.md`, line 39.
 //!
-//! A train of one degree of freedom, one contact. Everything that is not plain is left to the series of the mode: a start at rest on the
-//! flank, a force that falls through zero inside the zone, a release that is next to the bound.
+//! It covers trains of one degree of freedom with one contact. The series of the mode cover all special cases: a start at rest on the
+//! flank, a force that falls through zero inside the zone, a release near the bound.
 
 use smallvec::SmallVec;
 
@@ -17,38 +17,38 @@ use crate::{
     vectors::Path,
 };
 
-/// Most frequencies of loads and errors.
+/// Maximum number of frequencies of loads and errors.
 const FREQUENCIES: usize = 8;
-/// Most pieces of a leap.
+/// Maximum number of pieces of a leap.
 const PIECES: usize = 40;
-/// Times that a piece is tried again, at this share of its length.
+/// Maximum number of trials of a piece, each at this share of the length before.
 const TRIALS: usize = 4;
 const SHORTER: f64 = 0.7;
-/// Widest errors of a leap that counts as known: of its time relative to it, of y and v relative to their sizes.
+/// Largest errors of a leap that counts as known: of its time relative to it, of y and v relative to their sizes.
 const SHARP: f64 = 1e-11;
-/// Times their uncertainties that a release and the bound are apart.
+/// Least distance of a release from the bound, in its uncertainties.
 const APART: f64 = 8.0;
 /// Least distance of the factor `1 + χ ṗ` from zero, relative to its terms.
 const PRESSED: f64 = 1e-6;
-/// Times Newton's method may try.
+/// Maximum number of iterations of Newton's method.
 const NEWTON: usize = 24;
-/// A step this short, relative to the piece, is the last one: its square is below rounding.
+/// Length of the last step of the iteration, relative to the piece: its square is below rounding.
 const SETTLED: f64 = 1e-9;
 
-/// The contact as its penetration sees it: `p̈ = A(t) − κ p − γ ṗ − k pⁿ (1 + χ ṗ)`.
+/// Equation of motion of the penetration of the contact: `p̈ = A(t) − κ p − γ ṗ − k pⁿ (1 + χ ṗ)`.
 #[derive(Debug)]
 pub(super) struct Pressed {
     law: Law,
-    /// The constant part of A.
+    /// Constant part of A.
     mean: f64,
     /// Frequency, cosine and sine part of A for each oscillator.
     waves: SmallVec<[[f64; 3]; FREQUENCIES]>,
-    /// `1/g`.
+    /// Reciprocal `1/g` of the direction of the contact.
     along: f64,
 }
 
 impl Pressed {
-    /// `None` where the motion is another one.
+    /// Returns the equation of the contact of `motion`; `None` if the motion is not of this kind.
     pub fn new(motion: &Motion) -> Option<Self> {
         let s = motion.structure;
         let ([c], [part], [row], 1) = (&s.contacts[..], &motion.parts[..], &s.rows[..], s.n) else { return None };
@@ -84,7 +84,7 @@ impl Pressed {
         is_usual.then_some(Self { law, mean, waves, along: g.recip() })
     }
 
-    /// What drives the contact without its series, and A: the oscillators stand at `phases`.
+    /// Returns the drive of the contact without the series of A.
     fn drive(&self) -> Drive {
         let sizes = self.waves.iter().fold([self.mean.abs(), 0.0], |[a, rate], [omega, cosine, sine]| {
             let size = libm::hypot(*cosine, *sine);
@@ -95,7 +95,7 @@ impl Pressed {
         Drive { sizes, fastest, ..Drive::default() }
     }
 
-    /// The series of A for a piece that lasts no longer than `lasts`.
+    /// Forms the series of A for a piece of at most `lasts` seconds; the oscillators are at `phases`.
     fn expand(&self, drive: &mut Drive, phases: &[[f64; 2]], lasts: f64) {
         drive.len = lasting(drive.fastest * lasts);
         drive.lasts = lasts;
@@ -113,7 +113,7 @@ impl Pressed {
         }
     }
 
-    /// The oscillators after a time.
+    /// Advances the oscillators by `time` seconds.
     fn turn(&self, phases: &mut [[f64; 2]], time: f64) {
         for ([omega, ..], [cosine, sine]) in self.waves.iter().zip(phases) {
             let (s, c) = libm::sincos(omega * time);
@@ -122,31 +122,31 @@ impl Pressed {
     }
 }
 
-/// A way in progress.
+/// Motion under a closed law in progress.
 struct Way {
     law: Law,
-    /// How far it may go, s, and how far it has come.
+    /// Longest duration, s. The next field: time elapsed so far, s.
     span: f64,
     time: f64,
     at: Point,
-    /// The size of the speed.
+    /// Size of the speed.
     scale: f64,
-    /// The largest y and v so far.
+    /// Largest y and v so far.
     most: [f64; 2],
 }
 
-/// Where and how a leap ends.
+/// End of a leap.
 struct End {
     y: f64,
     v: f64,
-    /// s, from the start of the leap.
+    /// Time from the start of the leap, s.
     time: f64,
     errors: [f64; 3],
     falls: bool,
     is_bound: bool,
 }
 
-/// The place where `value` is `wanted`, by Newton's method from `theta`.
+/// Returns the place where `value` is `wanted`, by Newton's method from `theta`; `None` if it does not settle.
 fn solve(mut theta: f64, wanted: f64, value: impl Fn(f64) -> f64, rate: impl Fn(f64) -> f64) -> Option<f64> {
     for _ in 0..NEWTON {
         let by = (value(theta) - wanted) / rate(theta);
@@ -166,7 +166,7 @@ impl Way {
         Self { law, span, time: 0.0, at, scale, most: [at.y, at.v.abs()] }
     }
 
-    /// The next piece; `None` where its signs do not tell what happens on it.
+    /// Returns the next piece; `None` if its signs do not decide its events.
     #[inline(always)]
     fn piece<P: Path>(
         &mut self,
@@ -193,7 +193,7 @@ impl Way {
         None
     }
 
-    /// The way ends on this piece.
+    /// Returns the end of the motion on this piece; `None` if it is not decided.
     fn end(&self, piece: &Piece) -> Option<End> {
         let w = |y: f64| self.law.most(y, 0.0, 0.0)[0];
         let y_at = |theta: f64| nodes::value(&piece.y, theta);
@@ -206,7 +206,7 @@ impl Way {
             let [y, v, _] = piece.end;
             let rate = |theta: f64| piece.h * nodes::value(&piece.v, theta);
             let (y, v, t, [e_y, e_v, e_t]) = here(solve(1.0 - y / (piece.h * v), 0.0, y_at, rate)?);
-            // How late y is zero, and what time that is.
+            // Uncertainty of y at its zero, and the corresponding time.
             let off = e_y + y.abs();
             let errors = [e_y, e_v, e_t + w(off) * off / -v];
             let width = APART * errors[2];
@@ -217,7 +217,7 @@ impl Way {
                 return None;
             }
         }
-        // Where y starts at zero the clock stands still.
+        // The clock stands still at a start with y = 0.
         let wanted = self.span - self.time;
         if self.at.y == 0.0 || wanted <= 0.0 {
             return None;
@@ -228,7 +228,7 @@ impl Way {
         self.known(End { y, v, time: self.span, errors, falls: false, is_bound: true }).filter(|_| y > 0.0)
     }
 
-    /// The end, if its errors are small.
+    /// Returns the end if its errors are small.
     fn known(&self, end: End) -> Option<End> {
         let [e_y, e_v, e_t] = end.errors;
         (e_y <= SHARP * self.most[0] && e_v <= SHARP * self.scale && e_t <= SHARP * end.time).then_some(end)
@@ -236,7 +236,7 @@ impl Way {
 }
 
 impl Pressed {
-    /// On this way, the oscillators at `phases`, up to the release or to the bound. `None` where that is not decided.
+    /// Advances `way`, the oscillators at `phases`, up to the release or to the bound. Returns `None` if that is not decided.
     #[inline(always)]
     fn pass<P: Path>(&self, path: P, way: &mut Way, phases: &mut [[f64; 2]]) -> Option<End> {
         let mut drive = self.drive();
@@ -256,7 +256,7 @@ impl Pressed {
         way.known(End { y, v, time: way.time, errors, falls: false, is_bound: false })
     }
 
-    /// The way from `request` to the release, to the bound or as far as pieces go; `false` where the series have to decide.
+    /// Advances from `request` to the release, to the bound or as far as pieces reach. Returns `false` if the series have to decide.
     #[inline(always)]
     pub fn leap<P: Path>(&self, path: P, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
         let (s, x) = (motion.structure, request.x);
@@ -285,7 +285,7 @@ impl Pressed {
         let y = if is_on_flank { 0.0 } else { libm::pow(p, self.law.root.recip()) };
         let Some(chi) = part.force().map(|force| force.chi(x)) else { return false };
         let law = Law { hysteresis: chi, ..self.law };
-        // The root of a penetration is known as well as that, and rounded.
+        // The error of the penetration follows from that of its root, plus rounding.
         let w = law.most(y, 0.0, 0.0)[0];
         let off = if is_on_flank { 0.0 } else { error / w + 2.0 * f64::EPSILON * y };
         let a =
@@ -319,7 +319,7 @@ impl Pressed {
         let known = |watch: Watch, p: f64, v: f64, errors: [f64; 2], rates: [f64; 2]| {
             let of_force = watch == Watch::Force;
             let (value, error) = if of_force { (1.0 + chi * v, errors[1]) } else { (p, errors[0]) };
-            // The third derivative is asked of rigid flanks alone.
+            // Only rigid flanks need the third derivative.
             let derivatives = if of_force { [chi * rates[1], 0.0, 0.0] } else { [rates[0], rates[1], 0.0] };
             Known { guard: guard_id(0, watch), value, error, terms: value.abs(), derivatives }
         };
@@ -338,7 +338,7 @@ impl Pressed {
     }
 }
 
-/// The contact's error and its rate where the oscillators stand at `phases`.
+/// Returns the error of the contact and its rate, with the oscillators at `phases`.
 fn errors(s: &Structure, phases: &[[f64; 2]]) -> [f64; 2] {
     let c = &s.contacts[0];
     let sum = |waves: &[Wave]| {

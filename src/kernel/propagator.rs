@@ -1,9 +1,9 @@
-//! Propagators: a linear mode's motion over one span as a matrix polynomial.
+//! Propagators: motion of a linear mode over one span as a matrix polynomial.
 //!
 //! With 1, `cos ωt` and `sin ωt` as part of the state, a mode with linear laws and constant stiffnesses is autonomous: the
-//! change of the state over a span is a fixed polynomial matrix times where the span starts, whatever the phase. The polynomials are
+//! change of the state over a span is a fixed polynomial matrix times the start of the span, for any phase. The polynomials are
 //! Chebyshev series cut after T₁₉ or T₂₃, in Bernstein form, of `(y(θ) − y(0))/θ` for every quantity y: an exact zero at the start of a
-//! span is divided out, and the signs of the coefficients tell the zeros that are left.
+//! span is divided out, and the signs of the coefficients decide the remaining zeros.
 //!
 //! The matrix is a pure function of the mode. It is formed in two doubles and rounded once.
 
@@ -25,60 +25,60 @@ use crate::{
     vectors::Path,
 };
 
-/// How long a span is, and what its columns are.
+/// Length of a span and degree of its columns.
 #[derive(Debug)]
 pub(super) struct Degree {
-    /// Fours of coefficients.
+    /// Number of fours of coefficients.
     pub fours: usize,
-    /// Powers of θ in the Taylor series that they are made from. The rest is below 4e-21 of the first, `reachᴺ/N!` over the reach.
+    /// Number of powers of θ in their Taylor series. The rest is below 4e-21 of the first term, `reachᴺ/N!` over the reach.
     pub terms: usize,
-    /// The span times the mode's fastest rate, rad: ρ. Of a motion of size one less than 1e-16 is cut, `2 e^(ρ/2) I_n(ρ/2)` for n
+    /// Span times the fastest rate of the mode, ρ, rad. The cut part of a motion of size one is below 1e-16: `2 e^(ρ/2) I_n(ρ/2)` for n
     /// coefficients.
     pub reach: f64,
 }
 
-/// Of one degree of freedom: most arcs are one span, and longer ones would have more turns for the signs to tell.
+/// For one degree of freedom: most arcs are one span, and the signs of longer ones would have more turns to resolve.
 pub(super) const SHORT: Degree = Degree { fours: 5, terms: 40, reach: 4.5 };
-/// Of more: a fifth more coefficients for a span half as long again.
+/// For several degrees of freedom: a fifth more coefficients for a span half as long again.
 const LONG: Degree = Degree { fours: 6, terms: 48, reach: 7.0 };
 
-/// Most components that a span may start from.
+/// Maximum number of inputs of a span.
 pub(super) const MOST_INPUTS: usize = 16;
-/// Most terms that the motion over a span is a sum of.
+/// Maximum number of terms whose sum is the motion over a span.
 pub(super) const MOST_TERMS: usize = 160;
-/// A column this small beside that of degree zero is part of the error of that.
+/// Size of a column, relative to that of degree zero, below which it counts as error of that one.
 const NEGLIGIBLE: f64 = 1e-19;
-/// Shortest span that a modulated mode is worth a propagator for, in those of one that is not, and what may be cut there.
+/// Shortest span for which a modulated mode has a propagator, in spans of a mode that is not modulated, and largest cut part there.
 pub(super) const SHORTEST: f64 = 0.25;
 pub(super) const CUT: f64 = 1e-16;
-/// Room for [`Propagator::angles`].
+/// Number of values of [`Propagator::angles`].
 pub(super) const MOST_ANGLES: usize = 2 * MOST_DEGREES.next_multiple_of(4) + 1;
 pub(super) type Angles = [f64; MOST_ANGLES];
 /// Roundings of a value of a row in units of ε, besides half a unit for each input that its coefficients are summed over: half for the
 /// columns, one and a half for an angle and its cosine, four each for the polynomials of the basis and the sum over them.
 const ROUNDED: f64 = 10.0;
 
-/// A component of where a span starts.
+/// Component of the start of a span.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Input {
     /// A displacement.
     Displacement(usize),
     /// A velocity.
     Velocity(usize),
-    /// `δ − σ b` of a contact that carries force.
+    /// Stretch `δ − σ b` of a contact that carries force.
     Stretch(usize),
-    /// The size of the constant load.
+    /// Size of the constant load.
     Load,
-    /// `cos ωt` of an oscillator.
+    /// Cosine `cos ωt` of an oscillator.
     Cosine(usize),
-    /// `sin ωt`.
+    /// Sine `sin ωt` of an oscillator.
     Sine(usize),
-    /// One: all loads and errors together, where the stiffness follows the forcing.
+    /// Constant one: all loads and errors together, if the stiffness follows the forcing.
     Forcing,
 }
 
 impl Input {
-    /// Its value where a span starts: of `x`, n displacements and n velocities, of the `stretches`, and of the oscillators.
+    /// Returns its value at the start of a span: from `x`, n displacements and n velocities, of the `stretches`, and of the oscillators.
     #[inline(always)]
     pub fn value(self, s: &Structure, x: &[f64], stretches: &[f64], waves: &[[f64; 2]]) -> f64 {
         match self {
@@ -93,14 +93,14 @@ impl Input {
     }
 }
 
-/// What is propagated besides the state.
+/// Quantity that is propagated besides the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Output {
     Deflection(usize),
     Force(Acting),
 }
 
-/// A quantity besides the state: its columns, and what a unit of each term adds to the error of its coefficients.
+/// Columns of a quantity besides the state, and contribution of a unit of each term to the error of its coefficients.
 #[derive(Debug)]
 pub(super) struct Line {
     pub columns: Columns,
@@ -108,7 +108,7 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// The error of its coefficients for the terms `z`.
+    /// Returns the error of the coefficients for the terms `z`.
     #[inline(always)]
     pub fn error(&self, z: &[f64]) -> f64 {
         let (z, rest) = z.as_chunks::<4>();
@@ -124,43 +124,43 @@ impl Line {
     }
 }
 
-/// A component of the state.
+/// Columns of a component of the state.
 #[derive(Debug)]
 pub(super) enum Component {
-    /// Its columns.
+    /// Columns of its own.
     Own(Columns),
-    /// The row that has the same ones.
+    /// Index of the row with the same columns.
     Row(usize),
-    /// The component that it is equal to; none where a train has one degree of freedom.
+    /// Index of the equal component; a train of one degree of freedom has none.
     Same(usize),
 }
 
-/// The motion of a mode over one span.
+/// Motion of a mode over one span.
 #[derive(Debug)]
 pub(super) struct Propagator {
-    /// s.
+    /// Span, s.
     pub span: f64,
-    /// Fours of a column.
+    /// Number of fours of a column.
     pub fours: usize,
-    /// It is a sum of inputs times some of `1, cos φ, sin φ, cos 2φ, …`: the inputs, and for each the end of its terms in `waves`.
+    /// Inputs, each with the end of its terms in `waves`. The motion is a sum of inputs times some of `1, cos φ, sin φ, cos 2φ, …`.
     pub inputs: Box<[(Input, usize)]>,
-    /// Of each term the place of its angle.
+    /// Index of the angle of each term.
     pub waves: Box<[usize]>,
-    /// Where the stiffness follows the forcing: rad/s and order of φ, and the largest degree.
+    /// Frequency, rad/s, and order of φ, and the largest degree, if the stiffness follows the forcing.
     pub modulation: Option<(f64, u32, usize)>,
-    /// The state.
+    /// Columns of the state.
     pub state: Box<[Component]>,
     pub rows: Box<[Line]>,
-    /// For each contact the row of its deflection.
+    /// Row of the deflection of each contact.
     pub deflections: Box<[usize]>,
-    /// For each guard its row.
+    /// Row of each guard.
     pub guards: Box<[usize]>,
-    /// For each guard the first one that it is equal to.
+    /// First guard that equals each guard.
     pub firsts: Box<[usize]>,
     pub fold: Fold,
 }
 
-/// The largest acceleration by a constant load: with the direction alone in the columns, all its sizes share them.
+/// Returns the largest acceleration by a constant load: with the direction alone in the columns, all its sizes share them.
 pub(super) fn load_size(load: &[f64]) -> f64 {
     load.iter().fold(0.0, |m: f64, f| m.max(f.abs()))
 }
@@ -170,7 +170,7 @@ pub(super) fn load_size(load: &[f64]) -> f64 {
 const TURNED: f64 = 2.25;
 
 impl Propagator {
-    /// `1, cos φ, sin φ, cos 2φ, …` where a span starts; the first alone where nothing is modulated.
+    /// Writes `1, cos φ, sin φ, cos 2φ, …` at the start of a span; only the first if nothing is modulated.
     #[inline(always)]
     pub fn angles<P: Path>(&self, path: P, motion: &Motion, at: Instant, all: &mut Angles) {
         all[0] = 1.0;
@@ -182,7 +182,7 @@ impl Propagator {
         let mut cosines = path.four([c, two[0], three[0], four[0]]);
         let mut sines = path.four([s, two[1], three[1], four[1]]);
         let by = four.map(|x| path.all(x));
-        // Four degrees at a time: each is formed from the one four before.
+        // Four degrees at a time: each is formed from the fourth one before it.
         for first in (0..degrees).step_by(4) {
             let [c, s] = [cosines, sines].map(|x| path.numbers(x));
             for l in 0..4 {
@@ -194,7 +194,7 @@ impl Propagator {
         }
     }
 
-    /// What the motion over a span is a sum of, into `z`, where it starts: at `at`, from the state `x`, the stretches of the contacts and the
+    /// Writes into `z` the terms whose sum is the motion over a span from `at`, from the state `x`, the stretches of the contacts and the
     /// oscillators.
     #[inline(always)]
     pub fn weigh<P: Path>(
@@ -252,7 +252,7 @@ impl Propagator {
         let freedoms: Vec<usize> = (0..s.n).filter(|i| is_first(&fold.freedoms, i)).collect();
         let displacements = freedoms.iter().map(|i| Input::Displacement(*i));
         let velocities = freedoms.iter().map(|i| Input::Velocity(*i));
-        // A stiffness that varies makes a force of the stretch at the start, carried or only watched.
+        // With a varying stiffness, the force depends on the stretch at the start, carried or only watched.
         let feels = |j: &usize| {
             let part = &motion.parts[*j];
             part.carried_linear().is_some() || motion.is_varying && matches!(part.force(), Some(Force::Linear { .. }))
@@ -269,7 +269,7 @@ impl Propagator {
             None => (span, Vec::new()),
             Some(modulation) => modulation.fit(motion, span, &inputs, &outputs)?,
         };
-        // Of each input the series by each wave.
+        // Series of each input by each wave.
         let all: Vec<Vec<Series>> = match &modulation {
             None => inputs
                 .chunks(LANES)

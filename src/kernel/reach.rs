@@ -1,4 +1,4 @@
-//! How long a step is while power laws are closed: as long as its defect allows.
+//! Length of a step while power laws are closed: as long as its defect allows.
 
 use super::{
     Expansion, ORDER, ROW,
@@ -13,10 +13,10 @@ use crate::{
     vectors::{Path, Work},
 };
 
-/// Most often the length of a step is about this part of its guess.
+/// Usual ratio of the length of a step to its guess.
 const GUESSED: f64 = 0.88;
 
-/// The error of a step of length `theta`.
+/// Trial of the error of a step of a given length.
 struct Trial<'a> {
     step: &'a Expansion<'a>,
     clock: &'a StepClock,
@@ -36,7 +36,7 @@ impl Work for Trial<'_> {
 }
 
 impl Expansion<'_> {
-    /// The step's length θ and its error: the error of each quantity is brought to the tolerance times its size.
+    /// Returns the length θ of the step and its error: the error of each quantity is at most the tolerance times its size.
     #[inline(always)]
     pub(super) fn rooted_reach<P: Path>(&self, path: P, clock: &StepClock, out: &Jet) -> Option<(f64, Defect)> {
         let goal = self.request.tolerance;
@@ -49,7 +49,7 @@ impl Expansion<'_> {
         let row = ROW as f64;
         let guess = GUESSED * self.guess(clock, &largest);
         let (mut theta, mut order, mut before) = (guess, row, None);
-        // The error is a power of θ or nearly so: a few trials settle it, and some more find the way from a bad guess.
+        // The error is nearly a power of θ: a few trials suffice, and some more after a bad guess.
         for _ in 0..24 {
             let (share, defect) = trial(theta);
             if share <= goal {
@@ -85,8 +85,8 @@ impl Expansion<'_> {
         Some(if cut < theta { (cut, trial(cut).1) } else { (theta, defect) })
     }
 
-    /// A guess of the step's length by the root test: as the coefficients fall over the last p + q orders (in a free
-    /// contact no others are there) they reach the tolerance, relative to the largest of the first ones.
+    /// Guesses the length of the step by the root test: the coefficients of the last p + q orders (in a free contact only
+    /// some of them are nonzero) reach the tolerance, relative to the largest of the first ones.
     #[inline(always)]
     fn guess(&self, clock: &StepClock, largest: &Largest) -> f64 {
         let size = |k: usize| largest.velocity[k].max(largest.felt[k]);
@@ -107,7 +107,7 @@ impl Expansion<'_> {
         reach
     }
 
-    /// Not beyond the bound in time.
+    /// Limits `reach` to the bound in time.
     fn within_bound(&self, reach: f64, out: &Jet) -> f64 {
         let mut left = [0.0; ROW];
         left.iter_mut().zip(&out.time).for_each(|(l, t)| *l = -t);

@@ -1,4 +1,4 @@
-//! What a step shows besides its state and guards: deflections and forces as series in θ, and powers at the places of a quadrature.
+//! Quantities of a step besides its state and guards: deflections and forces as series in θ, and powers at the places of a quadrature.
 //!
 //! They follow from series that the recurrence has formed; a series without terms is None.
 
@@ -12,7 +12,7 @@ use crate::{
     vectors::{Path, fused},
 };
 
-/// Degrees of freedom whose samples need no allocation.
+/// Number of degrees of freedom whose samples need no allocation.
 const MANY: usize = 32;
 
 type Series = [f64; ROW];
@@ -24,7 +24,7 @@ fn gather(orders: impl Iterator<Item = f64>) -> Series {
     series
 }
 
-/// `a b` up to the highest power kept, for an a that has few terms.
+/// Returns `a b` up to the highest power kept, for an `a` with few terms.
 #[inline(always)]
 fn times(a: &Series, b: &Series) -> Series {
     let mut product = [0.0; ROW];
@@ -78,7 +78,7 @@ impl Motion<'_> {
         series.iter().for_each(|series| out.extend_from_slice(series));
     }
 
-    /// A power at the places `thetas`.
+    /// Returns a power at the places `thetas`.
     #[inline(always)]
     pub(super) fn sampled<P: Path>(&self, step: &Jet, what: Power, thetas: &Samples) -> Samples {
         let mut powers = [1.0; ROW];
@@ -99,7 +99,7 @@ impl Motion<'_> {
     }
 }
 
-/// The values of a series at `thetas`.
+/// Returns the values of a series at `thetas`.
 #[inline(always)]
 fn values<P: Path>(series: &Series, thetas: &Samples) -> Samples {
     let mut values = [0.0; SAMPLES];
@@ -122,14 +122,14 @@ fn add(sum: &mut Samples, factor: f64, a: &Samples, b: &Samples) {
 struct Rows<'a> {
     motion: &'a Motion<'a>,
     step: &'a Jet,
-    /// Power laws are closed: all series that the recurrence has formed are there.
+    /// True if power laws are closed: all series that the recurrence has formed are available.
     is_pressed: bool,
-    /// Of the reach. A step may be far shorter than what its coefficients belong to: their products would overflow.
+    /// Powers of the reach. A step may be far shorter than the scale of its coefficients, whose products would overflow.
     powers: Series,
 }
 
 impl Rows<'_> {
-    /// A series in θ: its coefficients lie `stride` apart.
+    /// Returns a series in θ whose coefficients are `stride` apart.
     #[inline(always)]
     fn every(&self, stride: usize, values: &[f64]) -> Series {
         let (mut series, mut at) = ([0.0; ROW], 0);
@@ -140,7 +140,7 @@ impl Rows<'_> {
         series
     }
 
-    /// The force of contact `j`, if it is carried.
+    /// Returns the force of contact `j`, if it is carried.
     fn force_of(&self, j: usize) -> Option<Force> {
         self.motion.parts[j].acting.filter(|a| a.is_carried).map(|a| a.force)
     }
@@ -163,7 +163,7 @@ impl Rows<'_> {
         sum(terms.map(|(i, g)| scaled(*g, displacement(*i)))).unwrap_or([0.0; ROW])
     }
 
-    /// `δ − σ b`.
+    /// Returns `δ − σ b`.
     #[inline(always)]
     fn stretch(&self, j: usize) -> Series {
         let mut stretch = self.deflection(j);
@@ -171,7 +171,7 @@ impl Rows<'_> {
         stretch
     }
 
-    /// `δ̇`. The linear recurrence does without it.
+    /// Returns `δ̇`, which the linear recurrence does not keep.
     #[inline(always)]
     fn rate(&self, j: usize) -> Series {
         if !self.motion.is_linear {
@@ -187,7 +187,7 @@ impl Rows<'_> {
             Force::Linear { stiffness, damping } if self.motion.is_linear => {
                 let mut series = match stiffness {
                     Elasticity::Constant(k) => scaled(k, self.stretch(j)),
-                    // The linear recurrence ends without the last order of these forces.
+                    // The linear recurrence does not form the last order of these forces.
                     _ => times(&self.stiffness(j), &self.stretch(j)),
                 };
                 if damping != 0.0 {
@@ -195,13 +195,13 @@ impl Rows<'_> {
                 }
                 Some(series)
             }
-            // What is leaving at this very instant.
+            // The contact leaves at this very instant.
             Force::Power { .. } if !self.is_pressed => None,
             _ => Some(self.work(j, FORCE)),
         }
     }
 
-    /// A stiffness that varies, in plain time.
+    /// Returns a varying stiffness, in plain time.
     #[inline(always)]
     fn stiffness(&self, j: usize) -> Series {
         let Spring::Waves(mean, waves) = &self.motion.structure.contacts[j].spring else {
@@ -265,7 +265,7 @@ impl Rows<'_> {
         add(sum, 0.5, &values::<P>(&rate, thetas), &squares);
     }
 
-    /// How the force of contact `j` changes, times `dt/dθ`; `None` for zero.
+    /// Returns the derivative of the force of contact `j` with respect to `what`, times `dt/dθ`; `None` for zero.
     fn change(&self, j: usize, what: Shown) -> Option<Series> {
         let force = self.force_of(j)?;
         let clock: Series = match !self.step.time.is_empty() {
@@ -283,7 +283,7 @@ impl Rows<'_> {
             }
             (Force::Linear { .. }, Shown::ByDeflection(_)) => Some(times(&clock, &self.stiffness(j))),
             (Force::Linear { damping, .. }, Shown::ByRate(_)) => Some(scaled(damping, clock)),
-            // What is leaving at this very instant.
+            // The contact leaves at this very instant.
             (Force::Power { .. }, _) if !self.is_pressed => None,
             (Force::Power { law, stiffness, .. }, Shown::ByDeflection(_)) => {
                 // A force that is left out does not change either.
@@ -306,14 +306,14 @@ impl Rows<'_> {
         }
     }
 
-    /// `pⁿ⁻¹` of a closed power law; `None` where it has no series, and the force is left out.
+    /// Returns `pⁿ⁻¹` of a closed power law; `None` if it has no series, and the force is left out.
     fn slope(&self, j: usize, law: PowerLaw) -> Option<Series> {
         let layout = &self.motion.layout;
         let p = self.work(j, PENETRATION);
         let owner = Some(self.step.work[layout.owner]).filter(|owner| *owner >= 0.0).map(|owner| owner as usize);
         let (m, q) = (law.exponent.p as usize, law.exponent.q as usize);
         let owns = owner == Some(j) || self.motion.goes_with(owner, j, &self.step.state, &self.step.work);
-        // `p = y^q`: `pⁿ⁻¹ = y^(m − q)`, products only. So with whole exponents, where `y = p`: a small penetration at the start is no divisor.
+        // `p = y^q`: `pⁿ⁻¹ = y^(m − q)`, products only; also for whole exponents, with `y = p`. No small penetration is a divisor.
         if owns || q == 1 {
             let y = if owns { self.every(1, &self.step.work[layout.y(1)..]) } else { p };
             let mut power: Series = gather(std::iter::once(1.0));
@@ -346,7 +346,7 @@ impl Rows<'_> {
         self.every(self.step.dim, &self.step.state[self.motion.structure.n + i..])
     }
 
-    /// Velocities along a vector `[n]`.
+    /// Returns the velocity along a vector `[n]`.
     #[inline(always)]
     fn along(&self, vector: &[f64]) -> Series {
         let terms = vector.iter().enumerate().filter(|(_, c)| **c != 0.0);
@@ -385,7 +385,7 @@ impl Rows<'_> {
         }
     }
 
-    /// A sum of oscillators. The linear recurrence does not keep them: in plain time each order follows from the one before.
+    /// Returns a sum of oscillators. The linear recurrence does not keep them: in plain time each order follows from the one before.
     #[inline(always)]
     fn follow(&self, waves: impl Iterator<Item = Wave>) -> Option<Series> {
         let work = &self.step.work;

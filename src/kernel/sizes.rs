@@ -1,9 +1,9 @@
-//! Sums of absolute coefficients, which bound what a truncated product leaves out.
+//! Sums of absolute coefficients, which bound the truncation of a product.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::{LANES, ORDER, ROW};
 
-/// The largest of four sizes, none of them NaN, by comparisons that vectors have.
+/// Returns the largest of four sizes, none of them NaN, by comparisons that exist as vector instructions.
 #[inline(always)]
 pub(super) fn largest_of(sizes: &[f64; LANES]) -> f64 {
     let larger = |a: f64, b: f64| if a > b { a } else { b };
@@ -13,7 +13,7 @@ pub(super) fn largest_of(sizes: &[f64; LANES]) -> f64 {
 /// Absolute coefficients of a series at the end of the step.
 pub(super) type Sizes = [f64; ROW];
 
-/// Sums of the last coefficients, by which each of another series is multiplied in the terms of order `from` and more of their product.
+/// Returns the sums of the last coefficients, the factors of those of another series in the terms of order `from` and more of the product.
 #[inline(always)]
 pub(super) fn tails(a: &Sizes, from: usize) -> Sizes {
     let mut suffix = [0.0; ROW + 1];
@@ -23,19 +23,19 @@ pub(super) fn tails(a: &Sizes, from: usize) -> Sizes {
     std::array::from_fn(|i| suffix[from.saturating_sub(i).min(ROW)])
 }
 
-/// `Σ a_k b_k`, four side by side.
+/// Returns `Σ a_k b_k`, summed four side by side.
 #[inline(always)]
 pub(super) fn paired(a: &Sizes, b: &Sizes) -> f64 {
     total(&std::array::from_fn(|k| a[k] * b[k]))
 }
 
-/// Sum of the terms of `a b` of order `from` and more.
+/// Returns the sum of the terms of `a b` of order `from` and more.
 #[inline(always)]
 pub(super) fn beyond(a: &Sizes, b: &Sizes, from: usize) -> f64 {
     paired(a, &tails(b, from))
 }
 
-/// The sum, four side by side.
+/// Returns the sum, formed four side by side.
 #[inline(always)]
 pub(super) fn total(a: &Sizes) -> f64 {
     let (fours, rest) = a.as_chunks::<4>();
@@ -46,7 +46,7 @@ pub(super) fn total(a: &Sizes) -> f64 {
     sums.iter().chain(rest).sum()
 }
 
-/// The sizes of the coefficients in `series`, which has room for all orders, times the powers.
+/// Returns the sizes of the coefficients in `series`, which holds all orders, times the powers.
 #[inline(always)]
 pub(super) fn sizes(series: &[f64], powers: &Sizes) -> Sizes {
     let mut sizes = [0.0; ROW];
@@ -58,7 +58,7 @@ pub(super) fn sizes(series: &[f64], powers: &Sizes) -> Sizes {
     sizes
 }
 
-/// A factor with its sum and what it leaves out.
+/// Factor of a product, with its sum and its truncation.
 pub(super) struct Factor {
     pub sizes: Sizes,
     pub total: f64,
@@ -71,7 +71,7 @@ impl Factor {
         Self { sizes, total: total(&sizes), missing }
     }
 
-    /// What the truncated product with `other` leaves out.
+    /// Returns the truncation of the product with `other`.
     #[inline(always)]
     pub fn product(&self, other: &Self) -> f64 {
         beyond(&self.sizes, &other.sizes, ORDER + 1) + self.missing * other.total + other.missing * self.total

@@ -1,4 +1,4 @@
-//! Where a step starts: order zero of the oscillators and the deflections, as the state, exact zeros and the step before give them.
+//! Start of a step: order zero of the oscillators and of the deflections, from the state, the exact zeros and the step before.
 
 use super::{Expansion, LANES, Layout, ORDER, ROW, compiled::Four, guards::ROUNDING, waves};
 use crate::{
@@ -7,8 +7,8 @@ use crate::{
     vectors::Path,
 };
 
-/// `gᵀq` of four contacts and the size of the terms of each deflection: the bits of `dot` and of `Structure::deflection_size`, as a column that
-/// is zero adds ±0. Columns are dense, which is cheaper than lists for few degrees of freedom.
+/// Returns `gᵀq` of four contacts and the size of the terms of each deflection, with the bits of `dot` and `Structure::deflection_size`:
+/// a column of zeros adds ±0. Columns are dense, which is cheaper than lists for few degrees of freedom.
 #[inline(always)]
 pub(super) fn deflection_terms<P: Path>(path: P, four: &FourColumns, x: &[f64]) -> [Four; 2] {
     let [mut sum, mut size] = [path.all(0.0); 2];
@@ -23,7 +23,7 @@ pub(super) fn deflection_terms<P: Path>(path: P, four: &FourColumns, x: &[f64]) 
 }
 
 impl Expansion<'_> {
-    /// Order zero of the state, the oscillators and the deflections.
+    /// Forms order zero of the state, the oscillators and the deflections.
     #[inline(always)]
     pub(super) fn start<P: Path>(&self, path: P, out: &mut Jet) {
         let (s, layout, dim) = (self.s, self.layout, self.s.dim);
@@ -73,7 +73,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// `gᵀq` of each contact, in the place of its deflection, and the size of the terms of that.
+    /// Writes `gᵀq` of each contact in the place of its deflection, and the size of its terms.
     #[inline(always)]
     fn begin_deflections<P: Path>(&self, path: P, work: &mut [f64]) {
         let (s, layout, x) = (self.s, self.layout, self.request.x);
@@ -91,19 +91,19 @@ impl Expansion<'_> {
         }
     }
 
-    /// The gap of separated contact `j` to the flank of `watch`, where it is known better than by the state.
+    /// Returns the gap of separated contact `j` to the flank of `watch`, m, if it is known better than by the state.
     #[inline(always)]
     pub(super) fn gap(&self, j: usize, watch: Watch, work: &[f64]) -> Option<f64> {
         let (c, gap) = (&self.s.contacts[j], -watch.side() * work[self.layout.gaps + j]);
-        // Of two flanks it is that to which the state agrees.
+        // Of two flanks, the gap belongs to the one that agrees with the state.
         let from_state = c.gap() - watch.side() * work[self.layout.deflection(j, 0)];
         let agrees = !c.has_back() || (gap - from_state).abs() < c.gap();
         (agrees && gap != 0.0 && !gap.is_nan()).then_some(gap)
     }
 
-    /// `δ − σ b` where the force of contact `j` is exactly zero: `−c δ̇/k` under a linear law. Taken from the state it would
-    /// be off by the rounding of the displacements, and times k that can be more than all else: the force would pull where
-    /// the contact is closed, and the mode without it press, each leading to the other. With damping, what is more than that
+    /// Returns `δ − σ b` where the force of contact `j` is exactly zero: `−c δ̇/k` under a linear law. Taken from the state it would
+    /// have the rounding of the displacements, and times k that can exceed all other terms: the force would pull in the closed
+    /// contact and press in the mode without it, so that the modes alternate. With damping, a difference larger than this
     /// rounding comes from the rounded time of the event, and the state is right.
     fn forceless(&self, j: usize, side: f64, work: &[f64]) -> f64 {
         let (c, request) = (&self.s.contacts[j], self.request);

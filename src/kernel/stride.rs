@@ -1,4 +1,4 @@
-//! A leap of a lane: that of [`Propagator::leap`](super::propagator::Propagator::leap), for one degree of freedom with one contact.
+//! Leap of a lane: [`Propagator::leap`](super::propagator::Propagator::leap) for one degree of freedom with one contact.
 
 use smallvec::SmallVec;
 
@@ -18,34 +18,34 @@ use crate::{
 /// Least time between an event and a switch after it, relative to the leap: nearer ones may be one instant.
 const BEFORE_SWITCH: f64 = 1e-9;
 
-/// Fours of a column.
+/// Number of fours of a column.
 const FOURS: usize = SHORT.fours;
 
-/// What a leap leads up to.
+/// Bound of a leap.
 #[derive(Clone, Copy)]
 pub(super) struct Bound {
-    /// How far it is, s.
+    /// Time to the bound, s.
     pub span: f64,
-    /// A known switching time.
+    /// True if the bound is a known switching time.
     pub is_switch: bool,
 }
 
-/// Where a leap leads.
+/// Result of a leap.
 pub(super) struct Stride {
-    /// s.
+    /// Duration, s.
     pub time: f64,
     pub x: [f64; 2],
-    /// Number of the guard that falls at its end, and what its value is known to there.
+    /// Index of the guard that falls at the end, and bound on the error of its value there.
     pub falls: Option<(usize, f64)>,
     pub is_bound: bool,
     pub carried: f64,
 }
 
-/// After an impact: the first three derivatives of each guard of position, and the rounding of its value.
+/// First three derivatives of each guard of position after an impact, and rounding of its value.
 pub(super) type Derivatives = [([f64; 3], f64); 2];
 
 impl Lane<'_> {
-    /// As [`Propagator::leap`], and without what an engine wants to know besides: from where it stands. Where an impact was before it,
+    /// Makes a leap from the current point as [`Propagator::leap`], without the data that only an engine needs. After an impact,
     /// `rebound` receives the derivatives after it.
     #[inline(always)]
     pub(super) fn stride<P: Path>(
@@ -86,7 +86,7 @@ impl Lane<'_> {
             let (row, error) = force.as_ref().filter(|_| *row > 0).unwrap_or(&deflection);
             let rate = if watched.watch == Watch::Force { rate() } else { 0.0 };
             let [start, sign, rounding] = by.guard(motion, &given, watched, &start, rate);
-            // A zero by chance is no exact one.
+            // A zero by chance is not exact.
             if start == 0.0 && rounding > 0.0 {
                 return None;
             }

@@ -1,8 +1,8 @@
-//! Numbers of two doubles, four side by side: what propagators are formed in. Operations, and their bits, are those of [`Wide`].
+//! Numbers of two doubles, four side by side, in which propagators are formed. Operations, and their bits, are those of [`Wide`].
 
 use crate::{hybrid::Wide, vectors::Path};
 
-/// Four numbers.
+/// Four numbers of two doubles each.
 pub(super) struct Two<P: Path> {
     pub hi: P::Four,
     pub lo: P::Four,
@@ -17,7 +17,7 @@ impl<P: Path> Clone for Two<P> {
 
 impl<P: Path> Copy for Two<P> {}
 
-/// The exact sum.
+/// Returns the exact sum.
 #[inline(always)]
 pub(super) fn sum<P: Path>(path: P, a: P::Four, b: P::Four) -> Two<P> {
     let hi = path.plus(a, b);
@@ -26,7 +26,7 @@ pub(super) fn sum<P: Path>(path: P, a: P::Four, b: P::Four) -> Two<P> {
     Two { hi, lo }
 }
 
-/// The exact product.
+/// Returns the exact product.
 #[inline(always)]
 pub(super) fn product<P: Path>(path: P, a: P::Four, b: P::Four) -> Two<P> {
     let hi = path.times(a, b);
@@ -73,7 +73,7 @@ impl<P: Path> Two<P> {
         sum(path, p.hi, path.plus(path.times(self.hi, lo), path.plus(path.times(self.lo, hi), p.lo)))
     }
 
-    /// With another value in one of the four.
+    /// Returns the numbers with `value` in `lane`.
     #[inline(always)]
     pub fn with(self, path: P, lane: usize, value: Wide) -> Self {
         let (mut hi, mut lo) = (path.numbers(self.hi), path.numbers(self.lo));

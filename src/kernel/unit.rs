@@ -1,4 +1,4 @@
-//! The motion of a mode from one unit input: Taylor series in two doubles, and what is left out of them.
+//! Motion of a mode from one unit input: Taylor series in two doubles, and their truncation.
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
@@ -14,7 +14,7 @@ use crate::{
     vectors::{Path, Work},
 };
 
-/// Motions that are formed side by side.
+/// Number of motions that are formed side by side.
 pub(super) const LANES: usize = 4;
 
 /// Taylor coefficients of the state, and of deflections and forces, from order 1 on, for one unit input.
@@ -24,7 +24,7 @@ pub(super) struct Series {
 }
 
 impl Series {
-    /// Of each component, and of each row, the sum of the sizes.
+    /// Returns the sum of the sizes of the coefficients of each component and of each row.
     pub fn sizes(&self) -> Vec<f64> {
         let rows = self.state.iter().chain(&self.rows);
         rows.map(|row| row.iter().map(|c| c.hi.abs()).sum()).collect()
@@ -35,18 +35,18 @@ impl Series {
     }
 }
 
-/// Motions to be expanded over `span`, each with one of at most four `inputs` one and all else zero. Inputs that are equal are one together.
+/// Motions to expand over `span`, each with one of at most four `inputs` one and all others zero. Equal inputs are one together.
 pub(super) struct Units<'a> {
     pub motion: &'a Motion<'a>,
     pub fold: &'a Fold,
     pub span: f64,
-    /// Orders.
+    /// Number of orders.
     pub terms: usize,
     pub inputs: &'a [Input],
     pub outputs: &'a [Output],
 }
 
-/// Where they are, order by order.
+/// Coefficients of these motions, order by order.
 struct At<P: Path> {
     x: Vec<Two<P>>,
     stretches: Vec<Two<P>>,
@@ -99,7 +99,7 @@ fn wave<P: Path>(path: P, all: &[Wave], waves: &[[Two<P>; 2]]) -> Two<P> {
     sum
 }
 
-/// The force of a contact with a linear law and a constant stiffness.
+/// Returns the force of a contact with a linear law and a constant stiffness.
 #[inline(always)]
 fn force<P: Path>(
     path: P,
@@ -200,7 +200,7 @@ impl Work for Units<'_> {
     }
 }
 
-/// What the terms after the last one add at most to displacements and velocities, times `√M_ii`, and to a wave of one. With
+/// Returns bounds on the rest after the last term of displacements and velocities, times `√M_ii`, and of a wave of amplitude one. With
 /// `‖x_{k+1}‖ ≤ (ρ‖x_k‖ + H F_k)/(k + 1)`, ρ at least the span times the growth and times all frequencies, the sum after order N is
 /// at most `(ρ‖x_N‖ + H F_N/(1 − r))/((N + 1)(1 − r))` with `r = ρ/(N + 1)`.
 pub(super) fn rest(motion: &Motion, span: f64, degree: &Degree, input: Input, state: &[Vec<Wide>]) -> [f64; 3] {
@@ -221,7 +221,7 @@ pub(super) fn rest(motion: &Motion, span: f64, degree: &Degree, input: Input, st
 }
 
 impl Motion<'_> {
-    /// Weighted acceleration that oscillator `i` of amplitude one makes at most.
+    /// Returns a bound on the weighted acceleration by oscillator `i` of amplitude one.
     fn forcing_of(&self, i: usize) -> f64 {
         let s = self.structure;
         let loads = s.load_waves.iter().filter(|w| w.index == i).map(|w| w.size(&s.weights));
@@ -234,7 +234,7 @@ impl Motion<'_> {
     }
 }
 
-/// What the Taylor terms after the last one add to an output, by what they add to displacements, velocities and waves.
+/// Returns a bound on the rest of an output after the last Taylor term, from those of displacements, velocities and waves.
 pub(super) fn rest_of(motion: &Motion, [displacement, velocity, wave]: [f64; 3], output: &Output) -> f64 {
     let of = |c: &Contact| {
         let [e, rate, _] = c.error_sizes;

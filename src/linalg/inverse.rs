@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::hybrid::Wide;
 
-/// Most rounds of refinement. Each gains a factor `n κ ε`; one that gains less than two ends them.
+/// Maximum number of rounds of refinement. Each gains a factor `n κ ε`; a gain below two ends the refinement.
 const ROUNDS: usize = 60;
 
 /// The inverse of a mass matrix.
@@ -12,7 +12,7 @@ const ROUNDS: usize = 60;
 pub(crate) struct Inverse {
     matrix: DMatrix<f64>,
     cholesky: Cholesky<f64, Dyn>,
-    /// No entry off the diagonal: the Cholesky factor alone is exact to rounding.
+    /// True if no entry off the diagonal is non-zero: the Cholesky factor alone is exact to rounding.
     is_diagonal: bool,
 }
 
@@ -24,7 +24,7 @@ impl Inverse {
         Some(Self { cholesky: Cholesky::new(matrix.clone())?, matrix: matrix.clone(), is_diagonal })
     }
 
-    /// `M⁻¹ b` in two doubles: refined by residuals in two doubles (Higham 2002, §12.1). A plain solution is wrong by `n κ ε`.
+    /// Returns `M⁻¹ b` in two doubles, refined by residuals in two doubles (Higham 2002, §12.1). A plain solution is wrong by `n κ ε`.
     pub fn wide(&self, b: &DVector<f64>) -> Vec<Wide> {
         let mut x: Vec<Wide> = self.cholesky.solve(b).iter().map(|x| Wide::from(*x)).collect();
         if self.is_diagonal {
@@ -37,7 +37,7 @@ impl Inverse {
                 terms.fold(Wide::from(b[i]), |sum, term| sum - term).value()
             };
             let correction = self.cholesky.solve(&DVector::from_fn(x.len(), |i, _| residual(i)));
-            // Freedoms of different units are compared by their diagonals.
+            // Degrees of freedom with different units are compared by their diagonals.
             let weighted = correction.iter().enumerate().map(|(i, c)| c.abs() * self.matrix[(i, i)].sqrt());
             let size = weighted.fold(0.0, f64::max);
             if !(size > 0.0 && size < 0.5 * last) {
@@ -49,12 +49,12 @@ impl Inverse {
         x
     }
 
-    /// `M⁻¹ b` rounded once.
+    /// Returns `M⁻¹ b` rounded once.
     pub fn solve(&self, b: &[f64]) -> Vec<f64> {
         self.wide(&DVector::from_column_slice(b)).into_iter().map(Wide::value).collect()
     }
 
-    /// `M⁻¹ B` rounded once.
+    /// Returns `M⁻¹ B` rounded once.
     pub fn solve_matrix(&self, b: &DMatrix<f64>) -> DMatrix<f64> {
         let columns: Vec<f64> = b.column_iter().flat_map(|column| self.solve(column.as_slice())).collect();
         DMatrix::from_vec(b.nrows(), b.ncols(), columns)

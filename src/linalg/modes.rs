@@ -13,13 +13,13 @@ pub struct Modes {
 }
 
 impl Modes {
-    /// Natural frequencies ω/2π, Hz, rising, `[n]`.
+    /// Returns the natural frequencies ω/2π, Hz, rising, `[n]`.
     #[must_use]
     pub fn hertz(&self) -> Vec<f64> {
         self.omega.iter().map(|w| w / std::f64::consts::TAU).collect()
     }
 
-    /// Share of each freedom in the kinetic energy of a mode, `v_i (M v)_i`, sum 1, `[n]`.
+    /// Returns the share of each degree of freedom in the kinetic energy of a mode, `v_i (M v)_i`, sum 1, `[n]`.
     #[must_use]
     pub fn energy_shares(&self, mass: &DMatrix<f64>, mode: usize) -> Vec<f64> {
         let shape: DVector<f64> = self.shapes.column(mode).into_owned();
@@ -28,7 +28,7 @@ impl Modes {
     }
 }
 
-/// Why a structure has no natural modes.
+/// Reason for which a structure has no natural modes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum EigenError {
     /// The matrices are not square or not of one size.
@@ -48,7 +48,7 @@ pub enum EigenError {
 /// below zero by no more than round-off, `16 n ε ‖·‖`, are taken as zero: rigid-body modes.
 ///
 /// # Errors
-/// [`EigenError`] as named there.
+/// [`EigenError`] names the defect of the matrices.
 pub fn natural_modes(stiffness: &DMatrix<f64>, mass: &DMatrix<f64>) -> Result<Modes, EigenError> {
     let n = mass.nrows();
     if mass.ncols() != n || stiffness.shape() != (n, n) {
@@ -73,7 +73,7 @@ pub fn natural_modes(stiffness: &DMatrix<f64>, mass: &DMatrix<f64>) -> Result<Mo
     Ok(Modes { omega, shapes })
 }
 
-/// Groups rising values that agree with their group's first to `tolerance` (relative): `(value, multiplicity)`.
+/// Groups rising values that agree with the first of their group to `tolerance` (relative): `(value, multiplicity)`.
 #[must_use]
 pub fn multiplicities(values: &[f64], tolerance: f64) -> Vec<(f64, usize)> {
     let mut groups: Vec<(f64, usize)> = Vec::new();

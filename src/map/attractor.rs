@@ -11,7 +11,7 @@ use crate::{
 
 /// Distance within which two orbits are the same.
 const SAME: f64 = 1e-5;
-/// Steps from the latched speeds of one orbit to those of another: at once, or by small steps where that leads elsewhere.
+/// Steps from the latched speeds of one orbit to those of another: one, or small ones if that leads elsewhere.
 const WALKS: [u32; 2] = [1, 8];
 /// Standard deviations within which the means of two irregular motions are the same.
 const ALIKE: f64 = 0.5;
@@ -19,7 +19,7 @@ const ALIKE: f64 = 0.5;
 /// End of a start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Attractor {
-    /// Its kind.
+    /// Kind of the motion.
     pub kind: Kind,
     /// Period, cycles, of an orbit.
     pub period_cycles: Option<u64>,
@@ -27,15 +27,15 @@ pub struct Attractor {
     pub word: Option<String>,
     /// Flanks that are struck.
     pub impacts: String,
-    /// The largest exponent, 1/s.
+    /// Largest exponent, 1/s.
     pub exponent: Option<f64>,
-    /// The states of an orbit at the starts of its cycles; of any other motion one of its states.
+    /// States of an orbit at the starts of its cycles; for any other motion one state.
     pub states: Vec<Vec<f64>>,
-    /// Mean and standard deviation of each component at the starts of cycles, of a motion without an orbit.
+    /// Mean and standard deviation of each component at the starts of cycles, for a motion without an orbit.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub averages: Vec<[f64; 2]>,
-    /// There is an orbit for each start: a contact that the orbit never loses keeps the approach speed of its last gain; or what rests in its
-    /// gaps rests anywhere.
+    /// True if there is an orbit for each start. Either a contact that the orbit never loses keeps the approach speed of its last closure,
+    /// or the train can rest anywhere in its gaps.
     pub is_family: bool,
     rests: bool,
     scales: Vec<f64>,
@@ -60,13 +60,13 @@ impl Attractor {
         Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, is_family, rests, scales, contacts })
     }
 
-    /// Tells that a state at the start of a cycle is within `reach` of its orbit.
+    /// Returns whether a state at the start of a cycle is within `reach` of its orbit.
     pub(super) fn holds(&self, map: &SectionMap<'_>, drift: &Drift, x: &[f64], reach: f64) -> bool {
         let near = |state: &Vec<f64>| {
             if drift.directions.is_empty() {
                 let n = x.len().min(2 * map.simulation().structure.freedoms());
                 let off = |i: usize| ((x[i] - state[i]) / self.scales[i]).abs();
-                // Most are apart by their first component.
+                // Most states differ by their first component.
                 return off(0) <= reach && (0..n).map(|i| off(i).powi(2)).sum::<f64>().sqrt() <= reach;
             }
             let section = |x: &[f64]| Section { x: x.to_vec(), contacts: Vec::new() };
@@ -75,7 +75,7 @@ impl Attractor {
         self.period_cycles.is_some() && self.states.iter().any(near)
     }
 
-    /// Tells that this orbit becomes `other` as the latched speeds become those of `other`.
+    /// Returns whether this orbit becomes `other` as the latched speeds become those of `other`.
     fn leads_to(&self, other: &Self, period: u64, map: &SectionMap<'_>, drift: &Drift) -> bool {
         let n = 2 * map.simulation().structure.freedoms();
         let [from, to] = [&self.states[0][n..], &other.states[0][n..]];
@@ -94,7 +94,7 @@ impl Attractor {
         })
     }
 
-    /// Tells that `other` is the same one.
+    /// Returns whether `other` is the same attractor.
     pub(super) fn is(&self, map: &SectionMap<'_>, drift: &Drift, other: &Self) -> bool {
         if self.kind != other.kind || self.period_cycles != other.period_cycles {
             return false;
@@ -104,7 +104,7 @@ impl Attractor {
                 || self.rests && other.rests && self.contacts == other.contacts
                 || self.is_family && self.word == other.word && other.leads_to(self, period, map, drift);
         }
-        // What never changes, as a speed latched once, is of the start and not of the motion.
+        // A constant component, such as a speed latched once, belongs to the start and not to the motion.
         let is_alike = |(a, b): (&[f64; 2], &[f64; 2])| {
             let spread = a[1].max(b[1]);
             spread == 0.0 || (a[0] - b[0]).abs() <= ALIKE * spread

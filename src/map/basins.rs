@@ -1,4 +1,4 @@
-//! Where each start of a plane of starts ends.
+//! Basins of attraction: the end of the motion from each start of a plane.
 
 use std::{
     collections::BTreeMap,
@@ -25,23 +25,23 @@ use crate::{
     task::Task,
 };
 
-/// Distance from an orbit, in its scales, within which a start has reached it.
+/// Distance from an orbit, in its scales, within which a start has reached the orbit.
 const REACHED: f64 = 1e-6;
-/// Starts along each axis that attractors are looked for from first, at most.
+/// Most starts along each axis of the coarse grid on which attractors are searched for first.
 const SURVEY: usize = 24;
 
-/// What comes of one start.
+/// End of the motion from one start.
 enum Ended {
-    /// On a known attractor, after so many cycles.
+    /// On a known attractor, reached after this number of cycles.
     Known(usize, u64),
-    /// On one that is described by itself.
+    /// On an attractor that the row itself describes, after this number of cycles.
     Own(Box<Attractor>, u64),
-    /// Of a kind that is no attractor.
+    /// On no attractor, with the kind of the motion.
     Open(Kind, u64),
     Failed(String),
 }
 
-/// The basins of attraction of a scene in a plane of its starts.
+/// Basins of attraction of a scene in a plane of its starts.
 #[derive(Debug)]
 pub struct Basins {
     simulation: Simulation,
@@ -54,12 +54,12 @@ pub struct Basins {
     rule: Rule,
 }
 
-/// What is known of all starts together.
+/// Attractors and measures of all starts.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// The attractors, in the order of their numbers.
+    /// Attractors in the order of their numbers.
     pub attractors: Vec<Attractor>,
-    /// What a picture shows and what is measured.
+    /// Counts for the measures, and the starts that a picture shows.
     pub boundary: Boundary,
     /// Measures.
     pub figures: Figures,
@@ -70,8 +70,8 @@ impl Basins {
     pub const FILES: Kept =
         Kept { command: "basins", files: &["basins.rows", "basins.json", "basins.csv", "attractors.json"] };
 
-    /// Starts of `scene` over two `axes`, `/initial/q/I` or `/initial/v/I`, I a number or a name of a freedom. The other coordinates and
-    /// velocities are those that the scene writes, and zero where it writes none or starts `static` or at `rest`.
+    /// Returns the starts of `scene` over two `axes`, `/initial/q/I` or `/initial/v/I`, I a number or a name of a freedom. The other
+    /// coordinates and velocities are those of the scene, and zero if it has none or starts `static` or at `rest`.
     ///
     /// # Errors
     /// [`PlaneError`] for other axes, and for a scene without a forcing period.
@@ -111,13 +111,13 @@ impl Basins {
         &self.simulation
     }
 
-    /// How many starts; the second number runs fastest.
+    /// Returns the number of starts; the second coordinate varies fastest.
     #[must_use]
     pub fn starts(&self) -> usize {
         self.grid.points()
     }
 
-    /// Both numbers of a start.
+    /// Returns both coordinates of a start.
     #[must_use]
     pub fn values(&self, start: usize) -> [f64; 2] {
         let line = self.values[1].len();
@@ -132,7 +132,7 @@ impl Basins {
         self.simulation.start_at(&q, &v)
     }
 
-    /// Where a start ends, with some attractors `known`. `None` if the work is broken off.
+    /// Returns the end of a start, with some attractors `known`. `None` if the work is interrupted.
     fn end(
         &self,
         walk: &mut Walk<'_>,
@@ -143,7 +143,7 @@ impl Basins {
         let map = SectionMap::new(&self.simulation)?;
         let drift = map.drift();
         let transient = self.rule.counted(&self.simulation).transient_cycles;
-        // Starts of a family hardly ever end on the same orbit.
+        // Starts of a family almost never end on the same orbit.
         if known.iter().any(|attractor| !attractor.is_family)
             && let Some(reached) = self.reach(walk, start, known, transient, (&map, &drift))?
         {
@@ -162,7 +162,7 @@ impl Basins {
         Ok(Some(Ended::Own(Box::new(own), reached.map_or(cycles, |(_, reached)| reached))))
     }
 
-    /// The first of the `known` orbits that a start reaches within some cycles, and after how many.
+    /// Returns the first of the `known` orbits that a start reaches within some cycles, and the number of these cycles.
     fn reach(
         &self,
         walk: &mut Walk<'_>,
@@ -186,7 +186,7 @@ impl Basins {
         Ok(None)
     }
 
-    /// What the rows depend on.
+    /// Returns the values on which the rows depend.
     #[must_use]
     pub fn header(&self) -> Map<String, Value> {
         let mut header = Map::new();
@@ -202,28 +202,28 @@ impl Basins {
     /// Opens the file of rows in `folder`.
     ///
     /// # Errors
-    /// As [`Records::open`].
+    /// Errors of [`Records::open`].
     pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Records>, SweepError> {
         Records::open(folder, Self::FILES, (begin, share), self.header(), Rows::alone(self.starts()))
     }
 
-    /// The rows of so many parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
+    /// Returns the rows of several parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
     ///
     /// # Errors
-    /// As [`Records::merged`].
+    /// Errors of [`Records::merged`].
     pub fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Records, SweepError> {
         Records::merged(folders, Self::FILES, out, self.header(), Rows::alone(self.starts()))
     }
 
-    /// The first line of the table.
+    /// Returns the first line of the table.
     #[must_use]
     pub fn head(&self) -> String {
         let pointers = self.grid.axes().iter().map(|axis| axis.pointer.as_str());
         csv_line(pointers.chain(["attractor", "cycles", "error"]))
     }
 
-    /// The attractors that some starts on a coarse grid lead to: the first numbers. `None` if the work is broken off. All parts of divided
-    /// work start from the same ones.
+    /// Returns the attractors of some starts on a coarse grid, which have the first numbers. `None` if the work is interrupted. All parts
+    /// of divided work start from the same attractors.
     ///
     /// # Errors
     /// [`SimulationError`] if the section of the scene has no map.
@@ -244,7 +244,7 @@ impl Basins {
                 let map = SectionMap::new(&self.simulation)?;
                 cell.filter(|cell| !is_open(cell)).map(|cell| Attractor::new(&map, cell)).transpose()
             };
-            // A start that fails has a row that says so.
+            // The row of a failed start gives the failure.
             (!task.is_cancelled()).then(|| own().ok().flatten())
         };
         in_order(
@@ -264,15 +264,15 @@ impl Basins {
         Ok((taken == starts.len() && !task.is_cancelled()).then_some(found))
     }
 
-    /// Computes every row of its share that is not kept, on the threads of the pool it is called in. A row depends on nothing but
-    /// its start: numbers of attractors are given in the order of the starts, after those of the `survey`.
+    /// Computes every missing row of its share, on the threads of the current pool. A row depends only on its start: attractors are
+    /// numbered in the order of the starts, after those of the `survey`.
     ///
     /// # Errors
-    /// [`SweepError`] if a row cannot be kept.
+    /// [`SweepError`] if a row cannot be stored.
     pub fn run(&self, rows: &mut Records, survey: &[Attractor], task: Task<'_>) -> Result<Ending, BasinsError> {
         let map = SectionMap::new(&self.simulation)?;
         let (drift, share) = (map.drift(), rows.share());
-        // What rows that are kept have found beyond the survey; a number whose rows are damaged is given again.
+        // Attractors of stored rows beyond the survey; the number of a damaged row is given again.
         let mut all: Vec<Option<Attractor>> = survey.iter().cloned().map(Some).collect();
         for (number, start) in
             self.newcomers(rows, survey.len())?.into_iter().map(|((_, number), start)| (number, start))
@@ -324,7 +324,7 @@ impl Basins {
         Ok(if rows.is_complete() { Ending::Complete } else { Ending::Interrupted })
     }
 
-    /// The first start that ends on each attractor beyond the survey, by part and number.
+    /// Returns the first start that ends on each attractor beyond the survey, by part and number.
     fn newcomers(&self, rows: &Records, survey: usize) -> Result<BTreeMap<(usize, usize), usize>, SweepError> {
         let mut first = BTreeMap::new();
         rows.in_order(|start, row, part| {
@@ -340,7 +340,7 @@ impl Basins {
     /// folder.
     ///
     /// # Errors
-    /// [`BasinsError`] if a file cannot be read or written; the rows stay then.
+    /// [`BasinsError`] if a file cannot be read or written; the rows are kept then.
     pub fn finish(
         &self,
         mut rows: Records,
@@ -384,11 +384,11 @@ impl Basins {
         Ok(found)
     }
 
-    /// The attractors with their fractions, and the measures.
+    /// Returns the attractors with their fractions, and the measures.
     fn report(&self, found: &Found) -> Value {
         let all = found.attractors.iter().enumerate().map(|(number, attractor)| {
             let mut entry = json!(attractor);
-            // What tells it from others.
+            // Data that only identify the attractor.
             let inner = ["rests", "scales", "contacts"];
             entry.as_object_mut().into_iter().for_each(|entry| entry.retain(|key, _| !inner.contains(&key.as_str())));
             entry["number"] = json!(number);
@@ -405,19 +405,19 @@ impl Basins {
     }
 }
 
-/// Number of the attractor in a row, if its start ends on one.
+/// Returns the number of the attractor in a row, if its start ends on one.
 fn attractor(row: &str) -> Option<usize> {
     row.split(',').nth(2)?.parse().ok()
 }
 
-/// Why basins cannot be computed or kept.
+/// Error of the computation or storage of basins.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BasinsError {
     /// The scene cannot be run.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
-    /// A row cannot be kept.
+    /// A row cannot be stored.
     #[error(transparent)]
     Sweep(#[from] SweepError),
 }

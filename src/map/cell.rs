@@ -1,4 +1,4 @@
-//! What the motion of one cell is.
+//! Motion of one cell.
 
 use std::ops::ControlFlow;
 
@@ -12,14 +12,14 @@ use crate::{
     task::Task,
 };
 
-/// How long the motion of a cell is run until its kind is known.
+/// Cycles that the motion of a cell is run until its kind is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Rule {
-    /// Cycles that belong to the transient. A motion that has come to a stable orbit before is not run on: it stays there.
+    /// Cycles of the transient. A motion that reaches a stable orbit earlier is not run further: it stays there.
     pub transient_cycles: u64,
-    /// Cycles after it by which the kind of a motion without an orbit is decided; half of them, where it is clear by then.
+    /// Cycles after it that decide on the kind of a motion without an orbit; half of them if it is clear by then.
     pub further_cycles: u64,
-    /// Averages of a motion without an orbit are wanted.
+    /// True to compute averages of a motion without an orbit.
     #[serde(skip)]
     pub averages: bool,
 }
@@ -30,28 +30,28 @@ impl Default for Rule {
     }
 }
 
-/// Cycles of a transient, and further ones, at least, where a cycle is several periods of the scene's clock.
+/// Least number of cycles of a transient, and of further ones, if a cycle has several periods of the scene's clock.
 pub(super) const LEAST_CYCLES: u64 = 8;
 const LEAST_FURTHER_CYCLES: u64 = 64;
-/// Longest period that is looked for, cycles.
+/// Longest period searched for, cycles.
 pub(super) const LONGEST: u32 = 16;
 
-/// Which flanks are struck.
+/// Flanks that are struck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Impacts {
-    /// No contact is lost.
+    /// No contact opens.
     None,
-    /// Contacts are lost, and gained again on one side only.
+    /// Contacts open, and close again on one side only.
     SingleSided,
     /// Some contact touches both of its flanks.
     DoubleSided,
 }
 
 impl Impacts {
-    /// All, from the fewest flanks.
+    /// All values, from the fewest flanks.
     pub const ALL: [Self; 3] = [Self::None, Self::SingleSided, Self::DoubleSided];
 
-    /// By what a contact is met as: separated, on the drive flank, on the back flank.
+    /// Returns the value for the modes of a contact: separated, on the drive flank, on the back flank.
     pub(super) fn of(met: [bool; 3]) -> Self {
         match met {
             [_, true, true] => Self::DoubleSided,
@@ -60,7 +60,7 @@ impl Impacts {
         }
     }
 
-    /// As files have it.
+    /// Returns its word in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -71,38 +71,38 @@ impl Impacts {
     }
 }
 
-/// What is known of the motion of a cell.
+/// Results for the motion of a cell.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// Its kind.
+    /// Kind of the motion.
     pub motion: Motion,
-    /// The largest exponent, 1/s: of an orbit that of its largest multiplier.
+    /// Largest exponent, 1/s; on an orbit from its largest multiplier.
     pub exponent: Option<f64>,
-    /// Which flanks are struck, over one period, or over the cycles watched.
+    /// Flanks that are struck, over one period, or over the cycles watched.
     pub impacts: Impacts,
-    /// For each contact the share of this time that it is separated.
+    /// Share of this time in which each contact is separated.
     pub apart: Vec<f64>,
-    /// Where the transient is over, at the start of a cycle: on the orbit of a periodic motion.
+    /// Section after the transient, at the start of a cycle; on the orbit of a periodic motion.
     pub section: Section,
-    /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
+    /// Mean and standard deviation of each component at the starts of cycles, for a motion without an orbit.
     pub averages: Vec<[f64; 2]>,
 }
 
-/// Mean and standard deviation.
+/// Returns mean and standard deviation.
 pub(super) fn average(values: &[f64]) -> [f64; 2] {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     [mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()]
 }
 
-/// Times that contacts are separated, and the flanks that they touch.
+/// Times in which contacts are separated, and the flanks that they touch.
 #[derive(Debug)]
 struct Flanks<'s> {
     structure: &'s Structure,
-    /// s, for each contact.
+    /// Time of separation of each contact, s.
     apart: Vec<f64>,
-    /// All, s.
+    /// Total time, s.
     time: f64,
-    /// For each contact whether it is met separated, on the drive flank, on the back flank.
+    /// True for each contact if it occurs separated, on the drive flank, on the back flank.
     met: Vec<[bool; 3]>,
 }
 
@@ -159,7 +159,7 @@ impl Observer for Flanks<'_> {
 }
 
 impl Rule {
-    /// The same in cycles of `simulation`: limits are stated in periods of the scene's clock.
+    /// Returns the rule in cycles of `simulation`: limits are stated in periods of the scene's clock.
     pub(super) fn counted(&self, simulation: &Simulation) -> Self {
         Self {
             transient_cycles: simulation.cycles_in(self.transient_cycles, LEAST_CYCLES),
@@ -168,10 +168,10 @@ impl Rule {
         }
     }
 
-    /// As [`decide_generally`](Self::decide_generally), by a lane where there is one.
+    /// Returns the result of [`decide_generally`](Self::decide_generally), by a lane if the train has one.
     ///
     /// # Errors
-    /// As there.
+    /// Errors of that function.
     pub fn decide(
         &self,
         simulation: &Simulation,
@@ -186,8 +186,8 @@ impl Rule {
         }
     }
 
-    /// Runs `simulation` from `start` until the kind of its motion is known, or cannot be told by the cycles allowed. `None` if the run
-    /// is broken off.
+    /// Runs `simulation` from `start` until the kind of its motion is known, or the allowed cycles do not decide it. `None` if the run is
+    /// interrupted.
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails.

@@ -1,4 +1,4 @@
-//! Section points and impacts of motions against one number.
+//! Section points and impacts of motions along one number.
 
 use std::path::{Path, PathBuf};
 
@@ -24,10 +24,10 @@ use crate::{
     task::Task,
 };
 
-/// Which starts and how many cycles.
+/// Starts and cycles of a diagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Sampling {
-    /// Starts of the first value: that of the scene, then others spread around it.
+    /// Number of starts at the first value: that of the scene, then others spread around it.
     pub starts: usize,
     /// Cycles dropped at each value.
     pub transient_cycles: u64,
@@ -41,27 +41,27 @@ impl Default for Sampling {
     }
 }
 
-/// The state that the next value starts from.
+/// Start of the next value.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Seed {
     x: Vec<f64>,
     contacts: Vec<ContactMode>,
 }
 
-/// Rows of a diagram as they are kept.
+/// Stored rows of a diagram.
 pub type Rows = Journal<Record, Seed>;
 
-/// Points of a series that a picture shows at most.
+/// Most points of a series that a picture shows.
 const MOST_POINTS: usize = 60_000;
-/// Part of the golden ratio behind the point.
+/// Fractional part of the golden ratio.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
-/// Points of a picture, fewer and fewer of them where they are many.
+/// Points of a picture, thinned out as their number grows.
 #[derive(Clone, Debug)]
 pub(super) struct Thinned {
     seen: u64,
     share: f64,
-    /// Place in the order of leaving, what it belongs to, the point.
+    /// Place in the order of removal, tag, point.
     kept: Vec<(f64, u32, [f64; 2])>,
 }
 
@@ -73,8 +73,8 @@ impl Default for Thinned {
 
 impl Thinned {
     fn push(&mut self, tag: u32, x: f64, y: f64) {
-        // Multiples of the golden ratio are spread evenly, and so is every second, third … of them (Weyl 1916): whatever the period of a
-        // motion, points of all its cycles stay.
+        // Multiples of the golden ratio are spread evenly, and so is every second, third … of them (Weyl 1916). For any period of a motion,
+        // points of all its cycles stay.
         let place = (self.seen as f64 * GOLDEN).fract();
         self.seen += 1;
         if place < self.share {
@@ -86,18 +86,18 @@ impl Thinned {
         }
     }
 
-    /// Whether there are none.
+    /// Returns whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.kept.is_empty()
     }
 
-    /// The points in their order, and what each belongs to.
+    /// Returns the points in their order, and the tag of each.
     pub fn points(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
         self.kept.iter().map(|(_, tag, point)| (*tag as usize, *point))
     }
 }
 
-/// What [`Points`] holds: first components of section points, phases and speeds of what is struck, exponents.
+/// Indices of the series of [`Points`]: first components of section points, phases and speeds of impacts and closures, exponents.
 pub(super) const SECTIONS: usize = 0;
 pub(super) const PHASES: usize = 1;
 pub(super) const SPEEDS: usize = 2;
@@ -105,18 +105,18 @@ pub(super) const EXPONENTS: usize = 3;
 /// Ends of the bands of exponents.
 pub(super) const BANDS: usize = 4;
 
-/// What is known of a diagram, for a picture. Memory does not grow with its points.
+/// Points of a diagram for a picture. Memory does not grow with their number.
 #[derive(Clone, Debug)]
 pub struct Points {
-    /// The least and the largest value that has points.
+    /// Least and largest value that has points.
     pub ends: [f64; 2],
-    /// Section points.
+    /// Number of section points.
     pub sections: u64,
-    /// Rows that failed.
+    /// Number of rows that failed.
     pub failed: usize,
-    /// Starts that run side by side.
+    /// Number of starts that run side by side.
     pub starts: usize,
-    /// Each upwards and downwards. A point belongs to a start, what is struck to the drive flank (0) or the back flank (1).
+    /// Series, each upwards and downwards. Tags of points are starts; tags of closures are the drive flank (0) or the back flank (1).
     pub(super) shown: [[Thinned; 2]; 5],
 }
 
@@ -143,7 +143,7 @@ impl Points {
     }
 }
 
-/// A diagram of the motions of a scene against one of its numbers.
+/// Diagram of the motions of a scene along one of its numbers.
 #[derive(Debug)]
 pub struct Diagram {
     scene: Scene,
@@ -153,29 +153,29 @@ pub struct Diagram {
     own: Simulation,
 }
 
-/// Lines that a branch of orbits makes: values, and the first component at all starts of cycles.
+/// Lines of a branch of orbits: values, and the first component at all starts of cycles.
 #[derive(Clone, Debug, Default)]
 pub struct BranchLine {
-    /// Whether its orbits are stable.
+    /// True if its orbits are stable.
     pub is_stable: bool,
-    /// Values.
+    /// Values of the number.
     pub x: Vec<f64>,
-    /// The first component of the state.
+    /// First component of the state.
     pub y: Vec<f64>,
 }
 
 impl Diagram {
-    /// The files of `flank diagram`.
+    /// Files of `flank diagram`.
     pub const FILES: Kept = Kept {
         command: "diagram",
         files: &["diagram.journal", "diagram.json", "diagram.csv", "impacts.csv", "exponents.csv"],
     };
 
-    /// A diagram over `axis` of `scene`, in the directions of `seeding`.
+    /// Returns a diagram over `axis` of `scene`, in the directions of `seeding`.
     ///
     /// # Errors
-    /// [`PlaneError`] for other than one axis of two values, whole numbers, and a scene that does not hold at the ends or has no forcing
-    /// period.
+    /// [`PlaneError`] for other than one axis of two values, and for whole numbers. Also for a scene that is invalid at the ends or has no
+    /// forcing period.
     pub fn new(
         scene: Scene,
         axis: &[impl AsRef<str>],
@@ -215,25 +215,25 @@ impl Diagram {
         Ok(Self { parameter, plan: Plan::new(grid, seeding), sampling, own, scene })
     }
 
-    /// How many rows are kept: one for each value, direction and start.
+    /// Returns the number of rows: one for each value, direction and start.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.plan.rows()
     }
 
-    /// The rows and their chains.
+    /// Returns the rows and their chains.
     #[must_use]
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The scene's own simulation.
+    /// Returns the simulation of the scene itself.
     #[must_use]
     pub fn own(&self) -> &Simulation {
         &self.own
     }
 
-    /// The pointer that is varied.
+    /// Returns the pointer that is varied.
     #[must_use]
     pub fn pointer(&self) -> String {
         self.parameter.pointers().collect::<Vec<_>>().join(",")
@@ -243,7 +243,7 @@ impl Diagram {
         Simulation::from_built(self.scene.name(), self.parameter.build(&self.scene, value)?)?.in_common_cycles()
     }
 
-    /// Start number `start` of `simulation`: that of the scene, then others that fill a box of two backlashes around it evenly.
+    /// Returns start number `start` of `simulation`: that of the scene, then others that fill a box of two backlashes around it evenly.
     fn start(simulation: &Simulation, start: usize) -> Result<crate::engine::State, SimulationError> {
         if start == 0 {
             return simulation.start();
@@ -252,7 +252,7 @@ impl Diagram {
         let reach =
             if backlash > 0.0 { 2.0 * backlash } else { simulation.q0.iter().fold(0.0, |m: f64, q| m.max(q.abs())) };
         let omega = simulation.clock().omega();
-        // Multiples of square roots of primes are spread evenly (Weyl 1916). A start inside a rigid flank gives way to a later one.
+        // Multiples of square roots of primes are spread evenly (Weyl 1916). A start inside a rigid flank is replaced by a later one.
         let spread = |i: usize, k: usize| 2.0 * (k as f64 * PRIMES[i % PRIMES.len()].sqrt()).fract() - 1.0;
         let n = simulation.q0.len();
         let mut last = simulation.start();
@@ -273,7 +273,7 @@ impl Diagram {
         let map = SectionMap::new(&simulation)?;
         let section = |seed: &Seed| Section { x: seed.x.clone(), contacts: seed.contacts.clone() };
         let seeded = seed.and_then(|seed| map.state(&section(seed)).ok());
-        // OK to convert: the values are whole numbers.
+        // Exact: the values are whole numbers.
         let start = seeded.map_or_else(|| Self::start(&simulation, cell.values[0] as usize), Ok)?;
         let mut walk = Walk::new(&simulation)?;
         let stopped = || {
@@ -291,7 +291,7 @@ impl Diagram {
         Ok((record, Seed { x: walk.x().to_vec(), contacts: walk.contacts() }))
     }
 
-    /// What the rows depend on.
+    /// Returns the values on which the rows depend.
     #[must_use]
     pub fn header(&self) -> Map<String, Value> {
         let mut header = self.plan.header();
@@ -306,23 +306,23 @@ impl Diagram {
     /// Opens the journal of rows in `folder`.
     ///
     /// # Errors
-    /// As [`Journal::open`].
+    /// Errors of [`Journal::open`].
     pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Rows>, SweepError> {
         Journal::open_for(Self::FILES, folder, (begin, share), self.header(), &self.plan)
     }
 
-    /// The rows of so many parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
+    /// Returns the rows of several parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
     ///
     /// # Errors
-    /// As [`Records::merged`](crate::sweep::Records::merged).
+    /// Errors of [`Records::merged`](crate::sweep::Records::merged).
     pub fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Rows, SweepError> {
         Journal::merged(folders, Self::FILES, out, self.header(), &self.plan)
     }
 
-    /// Computes every row that is not kept.
+    /// Computes every missing row.
     ///
     /// # Errors
-    /// [`SweepError`] if a row cannot be kept.
+    /// [`SweepError`] if a row cannot be stored.
     pub fn run(&self, rows: &mut Rows, task: Task<'_>) -> Result<Ending, SweepError> {
         let point = |cell: &Cell, seed: Option<&Seed>| {
             self.point(cell, seed).map_err(|error| format!("{} = {}: {error}", self.pointer(), number(cell.values[1])))
@@ -330,7 +330,7 @@ impl Diagram {
         run(&self.plan, rows, point, task)
     }
 
-    /// The column that names the number, and the first ones of all tables.
+    /// Returns the column that names the number, and the first ones of all tables.
     fn head<'a>(more: impl IntoIterator<Item = &'a str>) -> String {
         csv_line(["parameter", "direction", "start"].into_iter().chain(more))
     }
@@ -402,10 +402,10 @@ impl Diagram {
         Ok(points)
     }
 
-    /// The branches that `flank continue` has written into `folder`: the first component of their orbits at all starts of cycles.
+    /// Returns the branches that `flank continue` has written into `folder`: the first component of their orbits at all starts of cycles.
     ///
     /// # Errors
-    /// What is wrong with the folder, in words.
+    /// The fault of the folder, in words.
     pub fn branches(&self, folder: &Path) -> Result<Vec<BranchLine>, String> {
         let path = folder.join("branches.csv");
         let text = read_text(&path).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -453,9 +453,9 @@ impl Diagram {
     }
 }
 
-/// Of small primes the square roots are independent.
+/// Small primes: their square roots are independent.
 const PRIMES: [f64; 12] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0];
-/// Starts that are tried for one.
+/// Most candidates tried for one start.
 const ATTEMPTS: usize = 32;
 
 #[cfg(test)]

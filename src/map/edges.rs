@@ -4,54 +4,54 @@ use serde::Serialize;
 
 use super::tally::shown_steps;
 
-/// Strips of rows of which one at a time is left out, for standard errors (the jackknife of Quenouille and Tukey).
+/// Strips of rows; one at a time is left out for standard errors (the jackknife of Quenouille and Tukey).
 const STRIPS: usize = 10;
 /// Starts of a box along each axis (Daza, Wagemakers, Georgeot, Guéry-Odelin and Sanjuán 2016).
 const BOX: usize = 5;
-/// Uncertain starts from which a distance counts; distances go up to an eighth of the axis.
+/// Least number of uncertain starts for which a distance counts; distances go up to an eighth of the axis.
 const LEAST: u64 = 50;
-/// Distances of a fit at least. It takes the smaller half of them: far apart two starts have another end by chance, and `f` bends.
+/// Least number of distances of a fit. It takes the smaller half of them: far apart two starts differ by chance, and `f` bends.
 const FITTED: usize = 3;
 
-/// A number and its standard error.
+/// Number and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Measured {
-    /// The number.
+    /// Number.
     pub value: f64,
-    /// One standard error, by leaving out one of ten strips of the plane at a time; of an exponent with the bend of its fit.
+    /// One standard error, from leaving out one of ten strips of the plane at a time; for an exponent including the bend of its fit.
     pub standard_error: f64,
 }
 
-/// The share of starts that end in one way.
+/// Share of the starts that end in one way.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fraction {
-    /// Number of the attractor, or how else they end.
+    /// Number of the attractor, or the word of another end.
     pub attractor: String,
     /// Their share.
     pub fraction: f64,
-    /// One standard error of it, by strips.
+    /// One standard error of it, from strips.
     pub standard_error: f64,
 }
 
 /// Measures of basins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Figures {
-    /// Starts.
+    /// Number of starts.
     pub starts: usize,
-    /// Shares of the attractors in the order of their numbers, then of starts whose end is open and of those that failed.
+    /// Shares of the attractors in the order of their numbers, then of starts with an open end and of those that failed.
     pub fractions: Vec<Fraction>,
-    /// The uncertainty exponent a: the share of starts for which a start at distance h along the second axis has another end is `f(h) ~ hᵃ`
-    /// (McDonald, Grebogi, Ott and Yorke 1985), for small h. None where fewer than three distances have enough of them.
+    /// Uncertainty exponent a. For small h, the share of starts with another end at distance h along the second axis is `f(h) ~ hᵃ`
+    /// (McDonald, Grebogi, Ott and Yorke 1985). None if fewer than three distances have enough such starts.
     pub uncertainty_exponent: Option<Measured>,
-    /// `2 − a`: the dimension of the boundary.
+    /// Dimension of the boundary, `2 − a`.
     pub boundary_dimension: Option<Measured>,
-    /// `f(h)`, with h in steps of the second axis, of the starts that have neighbours on both sides at each of these distances.
+    /// Values `f(h)`, with h in steps of the second axis, of the starts with neighbours on both sides at each of these distances.
     pub uncertain: Vec<(usize, f64)>,
-    /// Basin entropy: the mean over boxes of 5 × 5 starts, none of which fails, of `−Σ p ln p`, p the shares of ends in a box (Daza et al. 2016).
+    /// Basin entropy: mean of `−Σ p ln p` over boxes of 5 × 5 starts without failures, p the shares of ends in a box (Daza et al. 2016).
     pub basin_entropy: Option<Measured>,
     /// Boundary entropy: the mean over the boxes with more than one end. Above ln 2 the boundary is fractal.
     pub boundary_entropy: Option<Measured>,
-    /// Whether it is above ln 2 by three standard errors: this suffices for a fractal boundary.
+    /// True if the boundary entropy is above ln 2 by three standard errors: this suffices for a fractal boundary.
     pub is_fractal_by_entropy: bool,
 }
 
@@ -59,19 +59,19 @@ pub struct Figures {
 #[derive(Clone, Debug, Default)]
 struct Strip {
     counts: Vec<u64>,
-    /// For each distance the starts that have another end there, and all.
+    /// For each distance the number of starts with another end there, and of all.
     uncertain: Vec<[u64; 2]>,
-    /// Entropy and boxes: of all, of those with more than one end.
+    /// Sums of entropy and numbers of boxes: of all, and of those with more than one end.
     boxes: [(f64, u64); 2],
 }
 
-/// What is gathered of the rows.
+/// Counts from the rows.
 #[derive(Clone, Debug)]
 pub struct Boundary {
     counts: [usize; 2],
     attractors: usize,
     strips: Vec<Strip>,
-    /// Ends of the last rows: of a row of boxes at most.
+    /// Ends of the last rows, at most those of a row of boxes.
     rows: Vec<Vec<u32>>,
     row: usize,
     steps: [usize; 2],
@@ -146,19 +146,19 @@ impl Boundary {
         self.rows.push(Vec::with_capacity(self.counts[1]));
     }
 
-    /// Starts along each axis that a picture shows.
+    /// Returns the starts along each axis that a picture shows.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         [0, 1].map(|i| self.counts[i].div_ceil(self.steps[i]))
     }
 
-    /// End (an attractor's number, then open, then failed) and cycles of these, the second axis fastest.
+    /// Returns end (an attractor's number, then open, then failed) and cycles of these starts, the second axis fastest.
     #[must_use]
     pub fn shown(&self) -> &[(u32, Option<u64>)] {
         &self.shown
     }
 
-    /// The strips but one.
+    /// Returns the sum of the strips but one.
     fn without(&self, left_out: Option<usize>) -> Strip {
         let mut sum = Strip {
             counts: vec![0; self.attractors + 2],
@@ -177,7 +177,7 @@ impl Boundary {
         sum
     }
 
-    /// A number of all strips, and its standard error.
+    /// Returns a number of all strips, and its standard error.
     fn measured(&self, number: impl Fn(&Strip) -> Option<f64>) -> Option<Measured> {
         let value = number(&self.without(None))?;
         let parts: Vec<f64> = (0..STRIPS).filter_map(|strip| number(&self.without(Some(strip)))).collect();
@@ -187,7 +187,7 @@ impl Boundary {
         standard_error.is_finite().then_some(Measured { value, standard_error })
     }
 
-    /// The measures.
+    /// Returns the measures.
     #[must_use]
     pub(super) fn figures(&self) -> Figures {
         let starts: u64 = self.without(None).counts.iter().sum();
@@ -208,7 +208,7 @@ impl Boundary {
         let mean = |of: usize| {
             move |strip: &Strip| (strip.boxes[of].1 > 0).then(|| strip.boxes[of].0 / strip.boxes[of].1 as f64)
         };
-        // Of one strip alone the error is not known.
+        // The error of one strip alone is unknown.
         let entropy = |of: usize| {
             let strips = self.strips.iter().filter(|strip| strip.boxes[of].1 > 0).count();
             self.measured(mean(of)).filter(|_| strips > 1)
@@ -230,7 +230,7 @@ impl Boundary {
     }
 }
 
-/// `[ln h, ln f]` of the distances that are fitted.
+/// Returns `[ln h, ln f]` of the distances that are fitted.
 fn fitted(strip: &Strip) -> Vec<[f64; 2]> {
     let counted = strip.uncertain.iter().enumerate().filter(|(_, [some, all])| *some >= LEAST && some < all);
     let mut points: Vec<[f64; 2]> = counted
@@ -240,7 +240,7 @@ fn fitted(strip: &Strip) -> Vec<[f64; 2]> {
     points
 }
 
-/// The slope of `ln f` over `ln h` by least squares.
+/// Returns the slope of `ln f` over `ln h` by least squares.
 fn slope(strip: &Strip) -> Option<f64> {
     let points = fitted(strip);
     if points.len() < FITTED {
@@ -253,7 +253,7 @@ fn slope(strip: &Strip) -> Option<f64> {
     Some(xy / xx)
 }
 
-/// By how much the slope changes from the first to the last two distances of the fit.
+/// Returns the change of the slope from the first to the last two distances of the fit.
 fn bend(strip: &Strip) -> f64 {
     let slopes: Vec<f64> =
         fitted(strip).windows(2).map(|pair| (pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0])).collect();

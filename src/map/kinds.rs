@@ -1,4 +1,4 @@
-//! The kind of the motion in every cell of a plane.
+//! Kind of the motion in every cell of a plane.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ use crate::{
     task::Task,
 };
 
-/// The measure that every map has, unless others are asked for.
+/// Measure of every map, unless others are given.
 const APART: &str = "apart_fraction";
 /// Columns before those of contacts: two numbers and these.
 pub(super) const FIRST: [&str; 4] = ["kind", "period_cycles", "word", "exponent"];
@@ -28,7 +28,7 @@ pub(super) const LAST: [&str; 3] = ["impacts", "cycles", "error"];
 /// Values of the columns of measures.
 type Values = Vec<Option<f64>>;
 
-/// A map over two numbers of a scene: in each cell the motion that the scene's own start leads to.
+/// Map over two numbers of a scene: in each cell the motion from the scene's start.
 ///
 /// ```no_run
 /// use flank::{Task, map::{KindMap, Rule}, scene::Scene, sweep::{Begin, Share}};
@@ -50,14 +50,14 @@ pub struct KindMap {
 }
 
 impl KindMap {
-    /// The files of `flank map`.
+    /// Files of `flank map`.
     pub const FILES: Kept = Kept { command: "map", files: &["map.rows", "map.json", "map.csv"] };
 
-    /// A map over `axes` of `scene` with further `columns` of contacts, by their names in `sweep.csv` without unit; the share of time
-    /// separated if none are named.
+    /// Returns a map over `axes` of `scene` with further `columns` of contacts, by their names in `sweep.csv` without unit; the share of
+    /// time separated if none are given.
     ///
     /// # Errors
-    /// [`PlaneError`] as [`Plane::new`], and for a column that there is none of.
+    /// [`PlaneError`] as [`Plane::new`], and for an unknown column.
     pub fn new(
         scene: Scene,
         axes: &[impl AsRef<str>],
@@ -72,19 +72,19 @@ impl KindMap {
         Ok(Self { plane, rule, columns, measures })
     }
 
-    /// The cells.
+    /// Returns the cells.
     #[must_use]
     pub fn plane(&self) -> &Plane {
         &self.plane
     }
 
-    /// What the last panel of a picture shows.
+    /// Returns the title of the last panel of a picture.
     #[must_use]
     pub fn shown(&self) -> String {
         self.measures.title(self.plane.own().dimensionless)
     }
 
-    /// What the rows depend on.
+    /// Returns the values on which the rows depend.
     #[must_use]
     pub fn header(&self) -> Header<String, Value> {
         let mut header = self.plane.header();
@@ -96,20 +96,20 @@ impl KindMap {
     /// Opens the file of rows in `folder`.
     ///
     /// # Errors
-    /// As [`Records::open`].
+    /// Errors of [`Records::open`].
     pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Records>, SweepError> {
         Records::open(folder, Self::FILES, (begin, share), self.header(), Rows::alone(self.plane.cells()))
     }
 
-    /// The rows of so many parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
+    /// Returns the rows of several parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
     ///
     /// # Errors
-    /// As [`Records::merged`].
+    /// Errors of [`Records::merged`].
     pub fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Records, SweepError> {
         Records::merged(folders, Self::FILES, out, self.header(), Rows::alone(self.plane.cells()))
     }
 
-    /// The first line of the table.
+    /// Returns the first line of the table.
     #[must_use]
     pub fn head(&self) -> String {
         let pointers = self.plane.grid().axes().iter().map(|axis| axis.pointer.clone());
@@ -117,7 +117,7 @@ impl KindMap {
         csv_line(pointers.chain(FIRST.map(String::from)).chain(measures).chain(LAST.map(String::from)))
     }
 
-    /// The motion in a cell. `None` if the work is broken off.
+    /// Returns the motion in a cell. `None` if the work is interrupted.
     fn cell(&self, cell: usize, task: Task<'_>) -> Result<Option<(Cell, Values)>, StudyError> {
         let simulation = self.plane.simulation(cell)?;
         let Some(decided) = self.rule.decide(&simulation, simulation.start()?, task)? else {
@@ -132,7 +132,7 @@ impl KindMap {
         Ok(Some((decided, values)))
     }
 
-    /// A row of the table. `None` if the work is broken off.
+    /// Returns a row of the table. `None` if the work is interrupted.
     fn row(&self, cell: usize, task: Task<'_>) -> Option<String> {
         let optional = |value: Option<f64>| value.map_or_else(String::new, number);
         let mut line: Vec<String> = self.plane.values(cell).map(number).to_vec();
@@ -147,7 +147,7 @@ impl KindMap {
                     optional(exponent),
                 ]);
                 line.extend(values.into_iter().map(|value| optional(value.filter(|value| value.is_finite()))));
-                // A motion that was not watched has no share of time, and it is not known what it strikes.
+                // A motion that was not watched has no known share of time and no known impacts.
                 let impacts = if is_watched { impacts.word() } else { "" };
                 line.extend([impacts.to_owned(), motion.cycles.to_string(), String::new()]);
             }
@@ -161,10 +161,10 @@ impl KindMap {
         Some(csv_line(line))
     }
 
-    /// Computes every row that is not kept, on the threads of the pool it is called in. A cell's row depends on nothing but the cell.
+    /// Computes every missing row, on the threads of the current pool. The row of a cell depends only on the cell.
     ///
     /// # Errors
-    /// [`SweepError`] if a row cannot be kept.
+    /// [`SweepError`] if a row cannot be stored.
     pub fn run(&self, rows: &mut Records, task: Task<'_>) -> Result<Ending, SweepError> {
         let share = rows.share();
         let work = |(): &mut (), i: usize| (!task.is_cancelled()).then(|| self.row(share.chain(i), task))?;
@@ -183,7 +183,7 @@ impl KindMap {
     /// Counts the cells and writes the final files. `picture` draws the map into the folder.
     ///
     /// # Errors
-    /// [`SweepError::Output`] if a file cannot be read or written; the rows stay then.
+    /// [`SweepError::Output`] if a file cannot be read or written; the rows are kept then.
     pub fn finish(
         &self,
         mut rows: Records,

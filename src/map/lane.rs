@@ -1,6 +1,6 @@
-//! The rule of [`Rule::decide`] for trains of one degree of freedom, by a lane: states and derivatives in arrays of fixed size.
+//! Rule of [`Rule::decide`] for trains of one degree of freedom, by a lane: states and derivatives in arrays of fixed size.
 //!
-//! It is the rule of [`Approach`](crate::orbit::Approach) and [`decide`](crate::orbit::decide()), with their numbers. `tests/map.rs`
+//! It is the rule of [`Approach`](crate::orbit::Approach) and [`decide`](crate::orbit::decide()), with their numbers. `tests/motions/map.rs`
 //! compares both on the same cells.
 
 use super::{
@@ -21,7 +21,7 @@ use crate::{
     task::Task,
 };
 
-/// Times that a long period is looked for after the last cycle, each [`LONG`] cycles later.
+/// Number of searches for a long period after the last cycle, each [`LONG`] cycles later.
 const LATER: usize = 4;
 
 impl Runner<'_> {
@@ -42,7 +42,7 @@ impl Runner<'_> {
 }
 
 impl Rule {
-    /// As [`decide`](Self::decide) by a lane; `None` where the train or its motion is none for a lane.
+    /// Returns the result of [`decide`](Self::decide) by a lane; `None` if the train or its motion has none.
     pub(super) fn decide_in_lane(
         &self,
         simulation: &Simulation,
@@ -132,7 +132,7 @@ impl Rule {
             tried = Some("no orbit that it approaches was found".to_owned());
         }
         let cycles = sections.len() as u64 - 1;
-        // With damping areas shrink from cycle to cycle, and that which a torus of two dimensions encloses cannot.
+        // With damping areas shrink from cycle to cycle; the area inside a torus of two dimensions does not.
         let shrinks = runner.shrinks();
         let (kind, reason) = if figures.is_regular(period) && !shrinks {
             (Kind::QuasiPeriodic, None)

@@ -1,7 +1,7 @@
-//! Maps and basins: what the motion is in every cell over two numbers of a scene, or from every start in a plane of starts.
+//! Maps and basins: kinds of the motion in every cell over two numbers of a scene, or from every start in a plane of starts.
 //!
-//! Each cell is decided by itself: its row depends on nothing but the cell, so neighbours, order, threads and interruptions change no
-//! byte. Memory does not grow with the number of cells.
+//! The row of each cell depends only on the cell, so neighbours, order, threads and interruptions change no byte. Memory does not grow with
+//! the number of cells.
 
 mod attractor;
 mod basins;

@@ -31,15 +31,15 @@ const KINDS: [(&str, Colour); 5] = [
     ("undecided", [0x00, 0x00, 0x00]),
     ("failed", [0x80, 0x86, 0x8e]),
 ];
-/// Below zero, from far to near; above it, from near to far.
+/// Colours of exponents: below zero, from far to near; above it, from near to far.
 const BELOW: [Colour; 4] = [[0x21, 0x66, 0xac], [0x67, 0xa9, 0xcf], [0xb0, 0xd3, 0xe8], [0xe4, 0xf0, 0xf6]];
 const ABOVE: [Colour; 4] = [[0xfd, 0xe0, 0xc5], [0xfc, 0xa6, 0x5d], [0xe6, 0x61, 0x01], [0x8a, 0x2c, 0x02]];
-/// No impacts, on one flank, on both.
+/// Colours of no impacts, of impacts on one flank, on both.
 const IMPACTS: [Colour; 3] = [SEQUENCE[1], SEQUENCE[4], SEQUENCE[7]];
-/// Without a value.
+/// Colour of a missing value.
 const NONE: Colour = [0xcf, 0xcf, 0xcf];
 
-/// What is drawn of a class: its name without counts, and its colour.
+/// Returns the look of a class: its index, its name without counts, and its colour.
 pub(super) fn look((kind, period): &Class) -> (usize, String, Colour) {
     if let Some(period) = period {
         let place = PERIODS.iter().position(|(p, _)| period <= p && (*p == *period || *p == u64::MAX));
@@ -52,7 +52,7 @@ pub(super) fn look((kind, period): &Class) -> (usize, String, Colour) {
     (PERIODS.len() + place, kind.clone(), KINDS[place].1)
 }
 
-/// A number with its thousands apart.
+/// Returns a number with separated thousands.
 fn grouped(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -65,7 +65,7 @@ fn grouped(number: u64) -> String {
     text
 }
 
-/// How the cells that are shown lie along one number: upwards, cells of equal size.
+/// Position of the shown cells along one number: upwards, cells of equal size.
 struct Side {
     axis: Axis,
     ends: [f64; 2],
@@ -74,7 +74,7 @@ struct Side {
 }
 
 impl Side {
-    /// Equal ratios have a logarithmic axis. Values that were written out lie anywhere, and are numbered.
+    /// Returns the side of an axis. Equal ratios have a logarithmic axis; values that were listed are numbered.
     fn new(axis: &crate::sweep::Axis, cells: usize, dimensionless: bool) -> Self {
         let [first, last] = [axis.value(0), axis.value(axis.count() - 1)];
         let drawn = Axis::of_number(&axis.pointer, dimensionless);
@@ -96,7 +96,7 @@ impl Side {
     }
 }
 
-/// Where the cells of a grid that are shown lie: the first number to the right, the second one upwards.
+/// Position of the shown cells of a grid: the first number to the right, the second one upwards.
 pub(super) struct Place {
     sides: [Side; 2],
 }
@@ -111,7 +111,7 @@ impl Place {
         Panel { title: title.to_owned(), x, y, raster: Some(raster), ..Panel::default() }
     }
 
-    /// The image of `class` of each cell, the second number fastest.
+    /// Returns the image of `class` of each cell, the second number fastest.
     pub fn raster(&self, class: impl Fn(usize) -> u8, classes: Vec<(String, Colour)>) -> Raster {
         let [x, y] = &self.sides;
         let mut points = Vec::with_capacity(x.cells * y.cells);
@@ -126,14 +126,14 @@ impl Place {
     }
 }
 
-/// The picture of a map of `name` over `grid`; `measure` is what its last panel shows.
+/// Draws a map of `name` over `grid`; `measure` is the title of its last panel.
 #[must_use]
 pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, dimensionless: bool) -> Figure {
     let place = Place::new(grid, tally.size(), dimensionless);
     let unit = if dimensionless { "" } else { ", 1/s" };
     let shown = tally.shown();
     let panel = |title: &str, raster: Raster| place.panel(title, raster);
-    // Classes that look alike are one.
+    // Classes of one look are merged.
     let mut looks: Vec<(usize, String, Colour, u64)> = Vec::new();
     for (class, _, count) in tally.classes() {
         let (rank, name, colour) = look(class);
@@ -188,17 +188,17 @@ const ATTRACTORS: [Colour; 12] = [
     [0xb2, 0xab, 0xd2],
     [0x35, 0x97, 0x8f],
 ];
-/// Characters of a word in a legend.
+/// Most characters of a word in a legend.
 const LONGEST: usize = 23;
 
-/// The picture of the basins of `name` over `grid`: where each start ends, and after how many cycles.
+/// Draws the basins of `name` over `grid`: the end of each start, and the number of cycles to it.
 #[must_use]
 pub fn basins_figure(name: &str, grid: &Grid, found: &Found, dimensionless: bool) -> Figure {
     let Found { attractors, boundary, figures } = found;
     let place = Place::new(grid, boundary.size(), dimensionless);
     let (shown, count) = (boundary.shown(), attractors.len());
     let panel = |title: &str, raster: Raster| place.panel(title, raster);
-    // Attractors without a colour of their own share the last one.
+    // Attractors beyond the last colour share it.
     let coloured = count.min(ATTRACTORS.len());
     let percent = |i: usize| 100.0 * figures.fractions[i].fraction;
     let mut classes: Vec<(String, Colour)> = attractors[..coloured]
@@ -255,10 +255,10 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found, dimensionless: bool
 
 /// Room above and below the points, in their range.
 const MARGIN: f64 = 0.04;
-/// Starts with colours of their own.
+/// Most starts with colours of their own.
 const MOST_STARTS: usize = 6;
 
-/// Points by what they belong to: contacts gained by flank, others by start.
+/// Returns the points by their tags: closures by flank, others by start.
 fn tagged(points: &Thinned, shown: usize, starts: usize) -> Vec<Series> {
     let is_struck = shown == PHASES || shown == SPEEDS;
     let count = if is_struck {
@@ -281,7 +281,7 @@ fn tagged(points: &Thinned, shown: usize, starts: usize) -> Vec<Series> {
     (0..count).map(of).filter(|series| !series.x.is_empty()).collect()
 }
 
-/// The picture of a diagram of `name` over `pointer`: section points with branches over them, phases and speeds of impacts, exponents.
+/// Draws a diagram of `name` over `pointer`: section points with branches over them, phases and speeds of impacts, exponents.
 #[must_use]
 pub fn diagram_figure(
     name: &str,
@@ -294,7 +294,7 @@ pub fn diagram_figure(
     let x = Axis::of_number(pointer, dimensionless);
     let title = format!("Motions of {name} against {}", x.label);
     let x = x.between(low, high);
-    // Each direction has a column of its own: its points would hide those of the other one.
+    // Each direction has a separate column: its points would hide those of the other one.
     let directions: Vec<usize> =
         (0..2).filter(|down| points.shown.iter().any(|shown| !shown[*down].is_empty())).collect();
     let row = |shown: usize, title: &str, y: Axis| {
@@ -345,7 +345,7 @@ pub fn diagram_figure(
     }
 }
 
-/// Exponents in classes: four equal parts down to the least and up to the largest but one in fifty.
+/// Returns exponents in classes: four equal parts down to the least and up to the largest but one in fifty.
 fn exponents(place: &Place, shown: &[Shown]) -> Raster {
     let reach = |sign: f64| {
         let mut sizes: Vec<f64> =
@@ -385,7 +385,7 @@ fn exponents(place: &Place, shown: &[Shown]) -> Raster {
     place.raster(class, classes)
 }
 
-/// A measure in eight equal parts from its least to its largest value; zero apart.
+/// Returns a measure in eight equal parts from its least to its largest value; zero apart.
 pub(super) fn measures(place: &Place, shown: &[Option<f64>]) -> Raster {
     let values = || shown.iter().copied().flatten();
     let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
@@ -415,7 +415,7 @@ pub(super) fn measures(place: &Place, shown: &[Option<f64>]) -> Raster {
     place.raster(class, classes)
 }
 
-/// Three digits.
+/// Returns a number with three digits.
 fn short(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -425,7 +425,7 @@ fn short(value: f64) -> String {
     if (1e-3..1e5).contains(&value.abs()) { format!("{value}") } else { text }
 }
 
-/// The next number above with one digit.
+/// Returns the next number above with one digit.
 fn rounded(value: f64) -> f64 {
     let scale = libm::pow(10.0, libm::log10(value).floor());
     (value / scale).ceil() * scale

@@ -10,17 +10,17 @@ use crate::{
     sweep::{Grid, GridError},
 };
 
-/// Cells at most.
+/// Most cells.
 pub const MOST_CELLS: usize = 1_000_000_000;
 
-/// Why cells cannot be laid over a scene.
+/// Error of a plane over a scene.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlaneError {
-    /// Axes that make no plane.
+    /// Axes without a plane.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// A scene that holds at no corner, or cannot be run there.
+    /// A scene that is invalid at every corner, or cannot be run there.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
 }
@@ -31,7 +31,7 @@ impl From<SceneError> for PlaneError {
     }
 }
 
-/// What is wrong with an axis of one value.
+/// Returns the fault of an axis of one value.
 pub(super) fn one_value(pointer: &str) -> Fault {
     let fault = Fault::new(pointer, "an axis of one value", "two values at least: FROM:TO:COUNT");
     fault.remedy(
@@ -52,7 +52,7 @@ pub(super) fn two_axes(texts: &[impl AsRef<str>]) -> Result<Grid, GridError> {
     if faults.is_empty() { Ok(grid) } else { Err(GridError(faults)) }
 }
 
-/// What is wrong with a number that has to be whole.
+/// Returns the fault of a number that has to be whole.
 pub(super) fn whole(scene: &Scene, number: &Parameter) -> Option<Fault> {
     let is_whole = |fault: &Fault| fault.pointer == number.pointer() && fault.allowed.starts_with("a whole number");
     let between = number.value().floor() + 0.5;
@@ -61,13 +61,13 @@ pub(super) fn whole(scene: &Scene, number: &Parameter) -> Option<Fault> {
     refused.then(|| fault().remedy("flank sweep takes whole numbers"))
 }
 
-/// What is wrong with a value that its own key does not allow.
+/// Returns the fault of a value that its key does not allow.
 fn outside(scene: &Scene, number: &Parameter, value: f64) -> Option<Fault> {
     let error = number.set(scene, value).err()?;
     error.faults.into_iter().find(|fault| fault.pointer == number.pointer())
 }
 
-/// A coordinate or a velocity that is varied.
+/// Coordinate or velocity that is varied.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Varied {
     pub is_velocity: bool,
@@ -92,26 +92,26 @@ pub(super) fn varied(pointer: &str, freedoms: &[String]) -> Result<Varied, Fault
     Ok(Varied { is_velocity, freedom: freedom.ok_or_else(|| fault("a freedom that the train does not have"))? })
 }
 
-/// A scene over two of its numbers.
+/// Scene over two of its numbers.
 #[derive(Clone, Debug)]
 pub struct Plane {
     scene: Scene,
     grid: Grid,
-    /// The first number is moved together with the second one, which is held.
+    /// First number; its values are set together with the second one.
     first: Parameter,
     second: Parameter,
     values: [Vec<f64>; 2],
-    /// The scene's own simulation.
+    /// Simulation of the scene itself.
     own: Simulation,
 }
 
 impl Plane {
-    /// Lays cells over `scene`, by axes as [`Axis::parse`](crate::sweep::Axis::parse) reads them; a pointer may name further frequencies
+    /// Lays cells over `scene`, by axes in the form of [`Axis::parse`](crate::sweep::Axis::parse); a pointer may list further frequencies
     /// and periods that move with the first, `P1,P2,…`.
     ///
     /// # Errors
-    /// [`PlaneError`] for other than two axes, for whole numbers, for values that the key of a number does not allow, and for a scene that
-    /// does not hold at any corner, or whose forcing does not repeat with its cycle there. Other cells that it does not hold in fail by themselves.
+    /// [`PlaneError`] for other than two axes, for whole numbers, and for values that the key of a number does not allow. Also for a scene
+    /// that is invalid at every corner, or whose forcing does not repeat with its cycle there. Other invalid cells fail separately.
     pub fn new(scene: Scene, axes: &[impl AsRef<str>]) -> Result<Self, PlaneError> {
         let grid = two_axes(axes)?;
         let mut faults = Vec::new();
@@ -137,7 +137,7 @@ impl Plane {
         if !faults.is_empty() {
             return Err(GridError(faults).into());
         }
-        // Ranges of keys have no gaps: a scene that holds at the four corners holds in all cells.
+        // Ranges of keys have no gaps: a scene that is valid at the four corners is valid in all cells.
         let first = match to.map(|value| first.beside(second, value).checked(&scene, from)) {
             [Ok(_), Ok(_)] => first.clone().checked(&scene, from)?,
             _ => first.clone(),
@@ -155,7 +155,7 @@ impl Plane {
         Err(refused.swap_remove(0).into())
     }
 
-    /// Whether the scene can be run in a cell.
+    /// Checks that the scene can be run in a cell.
     fn runs(&self, cell: usize) -> Result<(), SimulationError> {
         let simulation = self.simulation(cell)?;
         SectionMap::new(&simulation)?.repeats()?;
@@ -174,36 +174,36 @@ impl Plane {
         &self.scene
     }
 
-    /// The simulation of the scene itself.
+    /// Returns the simulation of the scene itself.
     #[must_use]
     pub fn own(&self) -> &Simulation {
         &self.own
     }
 
-    /// How many cells; the second number runs fastest.
+    /// Returns the number of cells; the second number varies fastest.
     #[must_use]
     pub fn cells(&self) -> usize {
         self.grid.points()
     }
 
-    /// Both numbers in a cell.
+    /// Returns both numbers in a cell.
     #[must_use]
     pub fn values(&self, cell: usize) -> [f64; 2] {
         let line = self.values[1].len();
         [self.values[0][cell / line], self.values[1][cell % line]]
     }
 
-    /// The simulation in a cell.
+    /// Returns the simulation in a cell.
     ///
     /// # Errors
-    /// [`SimulationError`] if the scene does not hold there.
+    /// [`SimulationError`] if the scene is invalid there.
     pub fn simulation(&self, cell: usize) -> Result<Simulation, SimulationError> {
         let [first, second] = self.values(cell);
         let built = self.first.beside(&self.second, second).build(&self.scene, first)?;
         Simulation::from_built(self.scene.name(), built)?.in_common_cycles()
     }
 
-    /// What rows over the plane depend on.
+    /// Returns the values on which rows over the plane depend.
     pub(super) fn header(&self) -> Map<String, Value> {
         let mut header = Map::new();
         header.insert("axes".to_owned(), json!(self.grid.axes()));

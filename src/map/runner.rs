@@ -1,4 +1,4 @@
-//! A lane, and an engine for what it cannot decide: sections, images with their derivatives, orbits.
+//! Lane, with an engine for what it cannot decide: sections, images with their derivatives, orbits.
 
 use std::ops::ControlFlow;
 
@@ -21,7 +21,7 @@ use crate::{
     tangent::Tangent,
 };
 
-/// Steps of Newton's method at most.
+/// Most steps of Newton's method.
 const STEPS: usize = 12;
 
 pub(super) type Pair = [f64; 2];
@@ -32,7 +32,7 @@ fn product(a: &Square, b: &Square) -> Square {
     [[entry(0, 0), entry(0, 1)], [entry(1, 0), entry(1, 1)]]
 }
 
-/// `|a − b|` in scales.
+/// Returns `|a − b|` in scales.
 pub(super) fn apart(a: Pair, b: Pair, scales: Pair) -> f64 {
     libm::hypot((a[0] - b[0]) / scales[0], (a[1] - b[1]) / scales[1])
 }
@@ -42,7 +42,7 @@ pub(super) fn apart(a: Pair, b: Pair, scales: Pair) -> f64 {
 pub(super) struct Closed {
     pub x: Pair,
     pub period: usize,
-    /// The derivative over the period, in scales.
+    /// Derivative over the period, in scales.
     derivative: Square,
     pub events: Vec<Passed>,
     pub times: [f64; 5],
@@ -51,7 +51,7 @@ pub(super) struct Closed {
 }
 
 impl Closed {
-    /// Sizes of the multipliers, the larger one first.
+    /// Returns the absolute values of the multipliers, the larger one first.
     pub fn sizes(&self) -> Pair {
         let [[a, b], [c, d]] = self.derivative;
         let (half, determinant) = (0.5 * (a + d), a * d - b * c);
@@ -63,7 +63,7 @@ impl Closed {
         [larger, if larger > 0.0 { (determinant / larger).abs() } else { 0.0 }]
     }
 
-    /// `Σ (Jⁱ)ᵀ Jⁱ`: the measure by which it attracts its neighbours.
+    /// Returns `Σ (Jⁱ)ᵀ Jⁱ`: the measure of the distance that falls along the motion.
     fn attraction(&self) -> Square {
         let (mut sum, mut power) = ([[1.0, 0.0], [0.0, 1.0]], self.derivative);
         for _ in 0..DOUBLINGS {
@@ -78,7 +78,7 @@ impl Closed {
         sum
     }
 
-    /// The measure of a state's distance, and what it falls by in a period.
+    /// Returns the measure of a state's distance, and its decrease in a period.
     fn off(&self, attraction: &Square, x: Pair) -> Pair {
         let y = [(x[0] - self.x[0]) / self.scales[0], (x[1] - self.x[1]) / self.scales[1]];
         let along = |row: &Pair| row[0] * y[0] + row[1] * y[1];
@@ -86,12 +86,12 @@ impl Closed {
     }
 }
 
-/// Notes what an engine does where a lane has stopped.
+/// Observer of the engine where a lane has stopped.
 struct Noting<'a, 's> {
     structure: &'s Structure,
     noted: &'a mut Noted,
     tangent: Option<Tangent<'s>>,
-    /// A contact has come to rest.
+    /// True if a contact has come to rest.
     rests: bool,
 }
 
@@ -139,7 +139,7 @@ impl Observer for Noting<'_, '_> {
     }
 }
 
-/// A lane, and an engine for what it cannot decide.
+/// Lane, with an engine for what it cannot decide.
 pub(super) struct Runner<'s> {
     simulation: &'s Simulation,
     pub map: SectionMap<'s>,
@@ -147,11 +147,11 @@ pub(super) struct Runner<'s> {
     engine: Option<Engine<'s>>,
 }
 
-/// Why a lane gives a cell up: a contact has come to rest, or the limit on events is reached.
+/// Stop of a lane: a contact has come to rest, or the limit on events is reached.
 pub(super) struct Stopped;
 
 impl<'s> Runner<'s> {
-    /// A runner for motions of `simulation` from starts at phase 0; `None` where its train is none for a lane.
+    /// Returns a runner for motions of `simulation` from starts at phase 0; `None` if a lane cannot run its train.
     pub fn new(simulation: &'s Simulation) -> Result<Option<Self>, SimulationError> {
         let Some(lane) = Lane::new(&simulation.structure) else { return Ok(None) };
         let map = SectionMap::new(simulation)?;
@@ -162,7 +162,7 @@ impl<'s> Runner<'s> {
         Ok(fits.then(|| Self { simulation, map, lane, engine: None }))
     }
 
-    /// Whether the train has damping.
+    /// Returns whether the train has damping.
     pub fn shrinks(&self) -> bool {
         let spec = self.simulation.structure.spec();
         spec.damping[(0, 0)] > 0.0 || matches!(spec.contacts[0].law, Law::KelvinVoigt(law, _) if law.damping > 0.0)
@@ -183,7 +183,7 @@ impl<'s> Runner<'s> {
         self.lane.x()
     }
 
-    /// One cycle. The inner error where the lane gives up.
+    /// Runs one cycle. The inner error if the lane stops.
     pub fn cycle(&mut self, noted: &mut Noted) -> Result<Result<(), Stopped>, SimulationError> {
         if self.lane.cycle(noted) {
             return Ok(Ok(()));
@@ -212,7 +212,7 @@ impl<'s> Runner<'s> {
         Ok(Ok(()))
     }
 
-    /// The logarithm by which the noted column has grown, as a row of exponents; the column is made of length one.
+    /// Returns the logarithm by which the noted column has grown, as a row of exponents, and scales the column to length one.
     pub fn growth(&self, noted: &mut Noted) -> Option<[f64; 1]> {
         let values = &mut noted.columns.as_mut()?.values;
         let norm = libm::hypot(values[0], values[1] / rate_scale(self.simulation));
@@ -220,14 +220,14 @@ impl<'s> Runner<'s> {
         Some([libm::log(norm)])
     }
 
-    /// Scales of displacements and velocities, from some sections.
+    /// Returns the scales of displacements and velocities, from some sections.
     pub fn scales(&self, sections: &[Pair]) -> Pair {
         let size = |i: usize| sections.iter().fold(0.0, |m: f64, x| m.max(x[i].abs()));
         let scales = self.map.scales(&[size(0), size(1)]);
         [scales[0], scales[1]]
     }
 
-    /// Stands at a section.
+    /// Starts at a section; returns whether this succeeds.
     fn stand(&mut self, x: Pair) -> bool {
         match self.map.state(&self.section(x)) {
             Ok(state) => {
@@ -238,7 +238,7 @@ impl<'s> Runner<'s> {
         }
     }
 
-    /// Where `period` cycles lead from `x`, in scales.
+    /// Returns the section after `period` cycles from `x`, with its derivative in scales.
     fn image(&mut self, x: Pair, period: usize, scales: Pair) -> Result<Option<(Closed, Vec<Pair>)>, SimulationError> {
         if !self.stand(x) {
             return Ok(None);
@@ -259,7 +259,7 @@ impl<'s> Runner<'s> {
         Ok(Some((Closed { x, period, derivative, events, times, residual, scales }, between)))
     }
 
-    /// The orbit of `period` cycles near `x`, by Newton's method.
+    /// Returns the orbit of `period` cycles near `x`, by Newton's method.
     fn solve(&mut self, x: Pair, period: usize, scales: Pair) -> Result<Option<Closed>, SimulationError> {
         let Some(mut now) = self.image(x, period, scales)? else { return Ok(None) };
         let first = now.0.residual;
@@ -299,8 +299,8 @@ impl<'s> Runner<'s> {
         }
     }
 
-    /// A stable orbit near the last of `sections` that the motion follows; the lane stands at that section before and after, or further on
-    /// the motion. Sections that are run on the way are added.
+    /// Returns a stable orbit near the last of `sections` that the motion follows. The lane is at that section before and after, or further
+    /// along the motion. Sections run meanwhile are added.
     pub fn candidate(
         &mut self,
         sections: &mut Vec<Pair>,
@@ -329,7 +329,7 @@ impl<'s> Runner<'s> {
                 && one.contains(&cycle.sizes()[0])
                 && returns(self.simulation, &here, &ends[0], last as u64)
             {
-                // Its multiplier is one, whatever rounding has made of it.
+                // Its multiplier is set to one, without rounding.
                 return Ok(Ok(Some(Closed { derivative: [[1.0, 0.0], [0.0, 1.0]], ..cycle })));
             }
         }
@@ -365,7 +365,7 @@ impl<'s> Runner<'s> {
         Ok(Ok(Some(orbit)))
     }
 
-    /// The word of some events in normal form.
+    /// Returns the word of some events in normal form.
     pub fn word(&self, events: &[Passed]) -> String {
         let token = |passed: &Passed| {
             let (was, is, watch) = passed.parts();
@@ -374,7 +374,7 @@ impl<'s> Runner<'s> {
         words::text(&words::normal(&events.iter().map(token).collect::<Vec<_>>()))
     }
 
-    /// A section of the motion.
+    /// Returns a section of the motion.
     pub fn section(&self, x: Pair) -> Section {
         Section { x: x.to_vec(), contacts: vec![contact_mode(&self.lane.jump().mode, 0)] }
     }

@@ -1,4 +1,4 @@
-//! The picture of a sweep over one number or two.
+//! Picture of a sweep over one number or two.
 
 use super::picture::{Place, look, measures};
 use crate::{
@@ -8,18 +8,18 @@ use crate::{
     sweep::{Direction, Plan},
 };
 
-/// Families of contacts drawn over one number, and over two.
+/// Most families of contacts drawn over one number, and over two.
 const MOST: [usize; 2] = [4, 2];
-/// The kinds and their colours: those of a map, as far as curves have them.
+/// Kinds and their colours: those of a map, as far as curves have them.
 const KINDS: [(Kind, usize); 5] =
     [(Kind::Periodic, 0), (Kind::QuasiPeriodic, 3), (Kind::Chaotic, 4), (Kind::Transient, 1), (Kind::Undecided, 6)];
-/// A step between neighbours is a jump where it is so many times as large as the steps beside it, and at least this share of the range.
+/// Factor over the steps beside it, and share of the range, above which a step between neighbours is a jump.
 const JUMP: (f64, f64) = (4.0, 0.01);
 
-/// A measure of a contact, of which it has one or two values.
+/// Measure of a contact, with one or two values.
 type Measure = fn(&Shown) -> [Option<f64>; 2];
 
-/// The picture of the `rows` of a sweep of `name`, none if there are none.
+/// Draws the `rows` of a sweep of `name`; none without rows.
 #[must_use]
 pub fn sweep_figure(name: &str, plan: &Plan, rows: &[SweepRow], dimensionless: bool) -> Option<Figure> {
     let longest = rows.iter().max_by_key(|row| row.contacts.len())?;
@@ -51,7 +51,7 @@ pub fn sweep_figure(name: &str, plan: &Plan, rows: &[SweepRow], dimensionless: b
     })
 }
 
-/// Rows in runs, each along one branch: neighbours of the same period with the same events, without a jump between them.
+/// Returns rows in runs, each along one branch: neighbours of the same period with the same events, without a jump between them.
 fn runs<'r>(way: &[(f64, &'r SweepRow)], family: &str) -> Vec<Vec<(f64, &'r SweepRow)>> {
     let is_alike =
         |one: &Motion, other: &Motion| one.period.is_some() && one.period == other.period && one.word == other.word;
@@ -82,7 +82,7 @@ fn runs<'r>(way: &[(f64, &'r SweepRow)], family: &str) -> Vec<Vec<(f64, &'r Swee
     runs
 }
 
-/// A row of panels of one family over the number.
+/// Draws a row of panels of one family over the number.
 fn line(plan: &Plan, rows: &[SweepRow], family: &str, dimensionless: bool) -> [Panel; 3] {
     let unit = |unit: &'static str| if dimensionless { "" } else { unit };
     let axis = &plan.grid().axes()[0];
@@ -128,7 +128,7 @@ fn line(plan: &Plan, rows: &[SweepRow], family: &str, dimensionless: bool) -> [P
     ]
 }
 
-/// Panels over both numbers, for each direction: the kinds of motion, and measures of the first families.
+/// Draws panels over both numbers, for each direction: the kinds of motion, and measures of the first families.
 fn plane(plan: &Plan, rows: &[SweepRow], families: &[&str], dimensionless: bool) -> Vec<Panel> {
     let axes = plan.grid().axes();
     let place = Place::new(plan.grid(), [axes[0].count(), axes[1].count()], dimensionless);
@@ -156,7 +156,7 @@ fn plane(plan: &Plan, rows: &[SweepRow], families: &[&str], dimensionless: bool)
             }
         });
         looks.sort_by_key(|look| look.0);
-        // OK to convert: looks are few.
+        // Exact: looks are few.
         let number = |i: usize| looks.iter().position(|look| *look == class(&of_point[i])).unwrap_or(0) as u8;
         let classes = looks.iter().map(|(_, name, colour)| (name.clone(), *colour)).collect();
         panels.push(place.panel(&format!("kind of motion{said}"), place.raster(number, classes)));

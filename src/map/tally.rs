@@ -1,4 +1,4 @@
-//! What a table of cells says as a whole: how many of each kind, and a picture of it.
+//! Counts of the cells of a table by kind, and the cells of its picture.
 
 use std::collections::BTreeMap;
 
@@ -6,10 +6,10 @@ use serde_json::{Value, json};
 
 use super::cell::Impacts;
 
-/// Points of a picture along an axis at most; of more cells every second, third … is shown.
+/// Most points of a picture along an axis; of more cells every second, third … is shown.
 const MOST_POINTS: usize = 1200;
 
-/// Steps between the cells that a picture shows, along each axis.
+/// Returns the steps between the cells that a picture shows, along each axis.
 pub(super) fn shown_steps(counts: [usize; 2]) -> [usize; 2] {
     counts.map(|count| count.div_ceil(MOST_POINTS))
 }
@@ -20,13 +20,13 @@ pub type Class = (String, Option<u64>);
 /// One cell in the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shown {
-    /// Its class, by number.
+    /// Index of its class.
     pub class: usize,
-    /// The largest exponent.
+    /// Largest exponent, 1/s.
     pub exponent: Option<f64>,
-    /// The largest of the first measure of all contacts.
+    /// Largest value of the first measure over all contacts.
     pub measure: Option<f64>,
-    /// Which flanks are struck: the place in [`Impacts::ALL`], their number where it is not known.
+    /// Flanks that are struck: index in [`Impacts::ALL`], or the length of that array if unknown.
     pub impacts: usize,
 }
 
@@ -34,16 +34,16 @@ pub struct Shown {
 #[derive(Clone, Debug)]
 pub struct Tally {
     counts: [usize; 2],
-    /// Fields of the first measure of each contact.
+    /// Columns of the first measure of each contact.
     measures: Vec<usize>,
-    /// The field of what is struck.
+    /// Column of the impacts.
     struck: usize,
-    /// Every so many cells is shown, along each axis.
+    /// Steps between shown cells, along each axis.
     steps: [usize; 2],
     seen: usize,
-    /// The classes met, and how many cells each has.
+    /// Classes that occur, with index and number of cells.
     classes: BTreeMap<Class, (usize, u64)>,
-    /// Cells by the flanks that are struck, then those of which it is not known.
+    /// Numbers of cells by the flanks that are struck, then of unknown ones.
     impacts: [u64; 4],
     /// Cells shown, the second axis fastest.
     shown: Vec<Shown>,
@@ -75,30 +75,30 @@ impl Tally {
         self.seen += 1;
     }
 
-    /// Cells along each axis that are shown.
+    /// Returns the number of shown cells along each axis.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         [0, 1].map(|i| self.counts[i].div_ceil(self.steps[i]))
     }
 
-    /// The cells shown, the second axis fastest.
+    /// Returns the shown cells, the second axis fastest.
     #[must_use]
     pub fn shown(&self) -> &[Shown] {
         &self.shown
     }
 
-    /// The classes with their numbers and counts.
+    /// Returns the classes with their indices and counts.
     pub fn classes(&self) -> impl Iterator<Item = (&Class, usize, u64)> {
         self.classes.iter().map(|(class, (number, count))| (class, *number, *count))
     }
 
-    /// Cells by the flanks that are struck, in the order of [`Impacts::ALL`], then those of which it is not known.
+    /// Returns the numbers of cells by the flanks that are struck, in the order of [`Impacts::ALL`], then of unknown ones.
     #[must_use]
     pub fn impacts(&self) -> [u64; 4] {
         self.impacts
     }
 
-    /// Cells of each kind, the most frequent first.
+    /// Returns the number of cells of each kind, the most frequent first.
     #[must_use]
     pub fn kinds(&self) -> Vec<(&str, u64)> {
         let mut kinds: BTreeMap<&str, u64> = BTreeMap::new();
@@ -108,19 +108,19 @@ impl Tally {
         kinds
     }
 
-    /// Cells.
+    /// Returns the number of cells.
     #[must_use]
     pub fn cells(&self) -> usize {
         self.seen
     }
 
-    /// Cells that failed.
+    /// Returns the number of cells that failed.
     #[must_use]
     pub fn failed(&self) -> u64 {
         self.kinds().iter().filter(|(kind, _)| *kind == "failed").map(|(_, count)| count).sum()
     }
 
-    /// As JSON: cells, those of each kind, periods.
+    /// Returns as JSON: cells, those of each kind, periods.
     pub(super) fn found(&self) -> Value {
         let kinds: serde_json::Map<String, Value> =
             self.kinds().into_iter().map(|(kind, count)| (kind.to_owned(), count.into())).collect();

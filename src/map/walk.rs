@@ -1,4 +1,4 @@
-//! A motion from start of cycle to start of cycle, by a lane where the train is one for it, else by an engine.
+//! Motion from start of cycle to start of cycle, by a lane if one can run the train, else by an engine.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,16 +17,16 @@ use crate::{
     system::ContactMode,
 };
 
-/// A contact gained, or an impact.
+/// Contact gained, or impact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Strike {
     /// Cycle of the record, from 0.
     pub cycle: u64,
-    /// Number of the contact.
+    /// Index of the contact.
     pub contact: usize,
     /// +1 on the drive flank, −1 on the back flank.
     pub side: f64,
-    /// Time since the start of the cycle, as a part of the period.
+    /// Time since the start of the cycle, as a share of the period.
     pub phase: f64,
     /// Speed of approach, m/s.
     pub speed: f64,
@@ -35,15 +35,15 @@ pub struct Strike {
 /// Some cycles of a motion.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// The state at the end of each cycle.
+    /// State at the end of each cycle.
     pub points: Vec<Vec<f64>>,
-    /// What is struck.
+    /// Contacts gained and impacts.
     pub strikes: Vec<Strike>,
-    /// The largest exponent over these cycles and one standard error of it, 1/s; none where contacts rest.
+    /// Largest exponent over these cycles and its standard error, 1/s; none if contacts rest.
     pub exponent: Option<[f64; 2]>,
 }
 
-/// See the head of this file.
+/// Walk along a motion, by a lane or an engine.
 pub(super) struct Walk<'s> {
     simulation: &'s Simulation,
     runner: Option<Runner<'s>>,
@@ -56,7 +56,7 @@ impl<'s> Walk<'s> {
         Ok(Self { simulation, runner: Runner::new(simulation)?, engine: None, x: Vec::new() })
     }
 
-    /// Starts at `state`; one within a cycle is led to the start of the next one. Whether it gets there.
+    /// Starts at `state`; within a cycle, runs to the start of the next one. Returns whether it is reached.
     pub fn begin(&mut self, state: State) -> Result<bool, SimulationError> {
         self.x.clone_from(&state.x);
         if let Some(runner) = &mut self.runner {
@@ -72,7 +72,7 @@ impl<'s> Walk<'s> {
         if is_within { self.cycle() } else { Ok(true) }
     }
 
-    /// One cycle; `false` where the limit on events is reached.
+    /// Runs one cycle; returns `false` if the limit on events is reached.
     pub fn cycle(&mut self) -> Result<bool, SimulationError> {
         if let Some(runner) = &mut self.runner {
             let goes_on = runner.cycle(&mut Noted::default())?.is_ok();
@@ -86,7 +86,7 @@ impl<'s> Walk<'s> {
         Ok(outcome == Outcome::ReachedEnd)
     }
 
-    /// Runs some cycles and records them; `None` where the limit on events is reached.
+    /// Runs and records some cycles; `None` if the limit on events is reached.
     pub fn record(&mut self, cycles: u64) -> Result<Option<Record>, SimulationError> {
         let (simulation, mut record, mut rows) = (self.simulation, Record::default(), Vec::new());
         let (clock, period) = (simulation.clock(), simulation.period()?);
@@ -140,7 +140,7 @@ impl<'s> Walk<'s> {
         Ok(Some(record))
     }
 
-    /// What each contact does.
+    /// Returns the mode of each contact.
     pub fn contacts(&self) -> Vec<ContactMode> {
         let mode = match (&self.runner, &self.engine) {
             (Some(runner), _) => runner.mode(),
@@ -151,7 +151,7 @@ impl<'s> Walk<'s> {
         (0..structure.contact_count()).map(|j| structure.contact_mode(j, &mode)).collect()
     }
 
-    /// The state.
+    /// Returns the state.
     pub fn x(&self) -> &[f64] {
         &self.x
     }

@@ -1,4 +1,4 @@
-//! The motion that a run approaches: its orbit is solved for, and the run only chooses which one.
+//! Orbit that a run approaches: it is solved for, and the run only selects which one.
 
 use std::collections::VecDeque;
 
@@ -18,14 +18,14 @@ use crate::{
     task::Task,
 };
 
-/// When a motion counts as found.
+/// Settings of the search for the orbit that a run approaches.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Approach {
     /// Largest distance between the ends of an orbit, in scales, > 0.
     pub tolerance: f64,
-    /// Longest period looked for, cycles, ≥ 1.
+    /// Longest period searched for, cycles, ≥ 1.
     pub longest_period: u32,
-    /// Cycles run at most.
+    /// Most cycles run.
     pub most_cycles: u64,
 }
 
@@ -35,38 +35,38 @@ impl Default for Approach {
     }
 }
 
-/// What a run has come to.
+/// Result of a run towards an orbit.
 #[derive(Debug, Default)]
 pub struct Approached {
-    /// The stable orbit that it approaches, if one was found.
+    /// Stable orbit that the run approaches, if one was found.
     pub orbit: Option<Orbit>,
     /// Cycles run.
     pub cycles: u64,
-    /// The residual of the orbit, in scales; without one the distance of the last two sections.
+    /// Residual of the orbit, in scales; without an orbit the distance of the last two sections.
     pub distance: f64,
-    /// Without an orbit: the share to which the distances of returns have fallen in each of the last quarters of the run, the larger one.
+    /// Without an orbit: factor by which the distances of returns change in each of the last quarters of the run, the larger one.
     pub closing: f64,
-    /// What kept the last solution from counting.
+    /// Reason for which the last solution was rejected.
     pub reason: Option<String>,
 }
 
-/// Distance of two sections, in scales, from which Newton's method is tried.
+/// Distance of two sections, in scales, below which Newton's method is tried.
 pub(crate) const NEAR: f64 = 0.03;
-/// The same within which a run is beside an unstable orbit.
+/// Distance, in scales, within which a run is beside an unstable orbit.
 pub(crate) const BESIDE: f64 = 1e-3;
 /// Newton steps in which the residual must fall by half.
 pub(crate) const PATIENCE: usize = 3;
-/// Periods over which a run must come nearer to an orbit.
+/// Periods over which a run must approach an orbit.
 pub(crate) const FOLLOWED: u64 = 2;
 /// Share of the contraction by the derivative that a run must show.
 pub(crate) const CONTRACTS: f64 = 0.5;
-/// First cycle at which an orbit is looked for, and the growth of the intervals between later ones.
+/// First cycle at which an orbit is searched for, and the growth of the intervals between later ones.
 pub(crate) const FIRST: u64 = 3;
 pub(crate) const GROWTH: f64 = 1.5;
 /// Doublings of a sum over powers of the derivative: decays as slow as 2⁻⁴⁰ a period are summed.
 pub(crate) const DOUBLINGS: u32 = 46;
 
-/// The measure by which an orbit attracts its neighbours: `‖y‖² = Σ_i |Jⁱ y|²`, which falls by `|y|²` in a period.
+/// Measure of the distance from an orbit that attracts its neighbours: `‖y‖² = Σ_i |Jⁱ y|²`, which falls by `|y|²` in a period.
 struct Attraction {
     orbit: Vec<f64>,
     unknowns: Unknowns,
@@ -88,15 +88,15 @@ impl Attraction {
         Self { orbit: orbit.section.x.clone(), unknowns, sum }
     }
 
-    /// The measure of a state's distance from the orbit, and what it falls by in a period.
+    /// Returns the measure of a state's distance from the orbit, and its decrease in a period.
     fn of(&self, x: &[f64]) -> [f64; 2] {
         let off = self.unknowns.between(&self.orbit, x);
         [off.dot(&(&self.sum * &off)), off.norm_squared()]
     }
 }
 
-/// The median distance of returns, after at most `longest` cycles, in each of the last three quarters of some sections, in scales; `None`
-/// where they are too few.
+/// Returns the median distance of returns, after at most `longest` cycles, in each of the last three quarters of some sections, in scales;
+/// `None` if they are too few.
 pub(crate) fn return_distances(
     map: &SectionMap<'_>,
     sections: &[Section],
@@ -113,7 +113,7 @@ pub(crate) fn return_distances(
         (1..=longest).map(apart).fold(f64::INFINITY, f64::min)
     };
     let median = |from: usize| {
-        // A hundred of them tell as much as all.
+        // A hundred of them represent all.
         let step = quarter.div_ceil(100);
         let mut all: Vec<f64> = (from..from + quarter).step_by(step).map(returned).collect();
         all.sort_by(f64::total_cmp);
@@ -122,16 +122,16 @@ pub(crate) fn return_distances(
     Some([1, 2, 3].map(|k| median(k * quarter)))
 }
 
-/// The share to which returns have fallen from quarter to quarter, the larger one; 1 where there are too few.
+/// Returns the factor by which the distances of returns change from quarter to quarter, the larger one; 1 if there are too few.
 pub(crate) fn closing(returns: Option<[f64; 3]>) -> f64 {
     returns.map_or(1.0, |[a, b, c]| (b / a).max(c / b))
 }
 
 impl Approach {
-    /// Runs `engine` from start of cycle to start of cycle until a stable orbit is found that it approaches, or until the cycles allowed
-    /// are spent. At times Newton's method is tried from the section that the run has come to. A stable orbit counts if the run follows
-    /// it: two periods with its word, in which the distance, in the measure of the orbit's derivative, falls at least half as fast as
-    /// the derivative says. `None` if the run is broken off: by `task`, by the observer or by the limit on events.
+    /// Runs `engine` from start of cycle to start of cycle until it approaches a stable orbit, or until the allowed cycles are spent. Tries
+    /// Newton's method from the present section at times. A stable orbit counts if the run follows it: two periods with its word, in which
+    /// the distance, by the measure of the orbit's derivative, falls at least half as fast as predicted. `None` if the run is interrupted:
+    /// by `task`, by the observer or by the limit on events.
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails.
@@ -195,7 +195,7 @@ impl Approach {
         Ok(Some(Approached { orbit: None, cycles, distance, closing, reason }))
     }
 
-    /// A stable orbit near the last of `sections`, by Newton's method from it.
+    /// Returns a stable orbit near the last of `sections`, from Newton's method.
     fn candidate(
         &self,
         map: &SectionMap<'_>,
@@ -209,7 +209,7 @@ impl Approach {
         if unstable.iter().any(|known| distance(map, known, &sections[last], &scales, drift) <= BESIDE) {
             return None;
         }
-        // A long period has to be worth its cycles.
+        // The distance is weighted by the period: a long period has to close better.
         let (_, period) = (1..=last.min(self.longest_period as usize))
             .map(|k| (distance(map, &sections[last - k], &sections[last], &scales, drift), k))
             .filter(|(apart, _)| *apart <= NEAR)
@@ -239,7 +239,7 @@ impl Approach {
         None
     }
 
-    /// Runs on for some periods, whose sections are added: whether the run comes nearer to `orbit` as it must.
+    /// Runs some further periods, adds their sections, and returns whether the run approaches `orbit` as required.
     fn follow(
         &self,
         map: &SectionMap<'_>,

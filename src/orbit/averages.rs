@@ -2,14 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Blocks that a band is estimated from.
+/// Number of blocks for the estimate of a band.
 pub(super) const BLOCKS: usize = 40;
 /// Correlation of neighbouring blocks above which a band is doubled.
 const CORRELATED: f64 = 0.2;
-/// Rows that are kept at most: from then on each holds twice as many cycles.
+/// Most rows stored: from then on each contains twice as many cycles.
 const MOST: usize = 8192;
 
-/// Means of the columns of `rows`, and their standard errors from blocks.
+/// Returns the means of the columns of `rows`, and their standard errors from blocks.
 pub(crate) fn means(rows: &[impl AsRef<[f64]>], period: f64) -> (Vec<f64>, Vec<f64>) {
     let count = rows.first().map_or(0, |row| row.as_ref().len());
     let columns: Vec<Vec<f64>> = (0..count).map(|l| rows.iter().map(|row| row.as_ref()[l]).collect()).collect();
@@ -19,7 +19,7 @@ pub(crate) fn means(rows: &[impl AsRef<[f64]>], period: f64) -> (Vec<f64>, Vec<f
         if length == 0 {
             return f64::NAN;
         }
-        // The last blocks: what does not fill one is left out at the front.
+        // Last blocks: rows that do not fill a block are left out at the front.
         let blocks: Vec<f64> = column[column.len() - BLOCKS * length..].chunks_exact(length).map(mean).collect();
         let middle = blocks.iter().sum::<f64>() / BLOCKS as f64;
         let off: Vec<f64> = blocks.iter().map(|b| b - middle).collect();
@@ -27,7 +27,7 @@ pub(crate) fn means(rows: &[impl AsRef<[f64]>], period: f64) -> (Vec<f64>, Vec<f
         let neighbours: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
         let error = (squares / (BLOCKS * (BLOCKS - 1)) as f64).sqrt();
         let error = if squares > 0.0 && neighbours / squares > CORRELATED { 2.0 * error } else { error };
-        // What turns regularly averages out over blocks of a fitting length. The range over which the sum strays from its mean shows it.
+        // A regular rotation averages out over suitable blocks. The range of the deviation of the sum from its mean shows it.
         let (mean, mut sum, mut low, mut high) = (mean(column) * period, 0.0, 0.0f64, 0.0f64);
         for log in column {
             sum += log - mean;
@@ -38,14 +38,14 @@ pub(crate) fn means(rows: &[impl AsRef<[f64]>], period: f64) -> (Vec<f64>, Vec<f
     (columns.iter().map(|column| mean(column)).collect(), columns.iter().map(band).collect())
 }
 
-/// Rows of numbers, one a cycle, as sums over so many cycles that memory does not grow with their number.
+/// Sums of the numbers of cycles, over so many cycles each that memory does not grow with the number of cycles.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Averages {
-    /// Cycles of a row.
+    /// Cycles per row.
     length: u64,
     /// Sums over `length` cycles each.
     rows: Vec<Vec<f64>>,
-    /// The row that is not full yet, and its cycles.
+    /// Incomplete row, and its cycles.
     open: (Vec<f64>, u64),
     /// Sums over all cycles.
     sums: Vec<f64>,
@@ -84,7 +84,7 @@ impl Averages {
         }
     }
 
-    /// Means over all cycles per unit of time, and their standard errors.
+    /// Returns the means over all cycles per unit of time, and their standard errors.
     pub fn figures(&self, period: f64) -> (Vec<f64>, Vec<f64>) {
         let (_, band) = means(&self.rows, period * self.length as f64);
         let mean = self.sums.iter().map(|sum| sum / (self.cycles as f64 * period)).collect();

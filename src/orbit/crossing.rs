@@ -1,4 +1,4 @@
-//! The map from one event of a kind to the next: a section at a guard, for trains with and without a forcing period.
+//! Map from one event of a kind to the next: a section at a guard, for trains with and without a forcing period.
 
 use std::ops::ControlFlow;
 
@@ -17,11 +17,11 @@ use crate::{
     system::{By, Structure, Variation},
 };
 
-/// Kinds of tokens whose event is a flank that is met, and those whose event is a force that becomes zero.
+/// Kinds of tokens whose event is a touch or loss of a flank, and those whose event is a zero of the force.
 const AT_FLANK: [char; 4] = ['c', 's', 'x', 'i'];
 const BY_FORCE: [char; 2] = ['r', 'a'];
 
-/// State → state from one event to the next of the same kind, contact and side, both taken right after the event.
+/// Map of states from one event to the next of the same kind, contact and side, both taken right after the event.
 #[derive(Clone, Debug)]
 pub struct GuardMap<'a> {
     simulation: &'a Simulation,
@@ -29,33 +29,33 @@ pub struct GuardMap<'a> {
     guard: GuardId,
 }
 
-/// Where the next event of the kind is, and what that depends on.
+/// Next event of the kind, with the derivatives of its state and time.
 ///
-/// The start is held on its section: of a change of the start only the part along it means anything.
+/// The start is held on its section: only the part of a change along the section has a meaning.
 #[derive(Clone, Debug)]
 pub struct Crossing {
-    /// The state right after the event.
+    /// State right after the event.
     pub end: State,
-    /// Time from the start to it, s.
+    /// Time from the start to the event, s.
     pub time: f64,
     /// `∂x_end/∂x_start`, `[dim, dim]`.
     pub jacobian: DMatrix<f64>,
     /// `∂time/∂x_start`, `[dim]`.
     pub time_by: DVector<f64>,
-    /// `∂x_end/∂t_start` and `∂time/∂t_start`, the state at the start held: zero where neither forcing nor stiffness changes with time.
+    /// `∂x_end/∂t_start` and `∂time/∂t_start`, the state at the start held: zero if neither forcing nor stiffness changes with time.
     pub by_instant: (DVector<f64>, f64),
-    /// `∂x_end/∂α` of each number that was asked for, `[dim, count]`, and `∂time/∂α`, `[count]`, per unit of the number in the scene. Where α
-    /// changes the forcing's frequency, time is its phase, in seconds of the train as it is.
+    /// `∂x_end/∂α` of each requested number, `[dim, count]`, and `∂time/∂α`, `[count]`, per unit of the number in the scene. If α changes
+    /// the forcing's frequency, time is its phase, in seconds of the unchanged train.
     pub by_number: (DMatrix<f64>, DVector<f64>),
-    /// What happened, as tokens of a word; the last one holds the event.
+    /// Tokens of the events as a word; the last one holds the event.
     pub word: Vec<String>,
-    /// Where the map is only piecewise smooth, the first place: the derivative is that of neighbours whose impacts stay together.
+    /// First place at which the map is only piecewise smooth: the derivative is that of neighbours whose impacts stay together.
     pub corner: Option<Corner>,
 }
 
 impl<'a> GuardMap<'a> {
-    /// The map between events called `token`, as in words: `c0+` where contact 0 is gained on the drive flank, `i1-` where contact 1 strikes
-    /// its back flank. Kinds `c`, `s`, `x`, `i`, `r`, `a`.
+    /// Returns the map between events with `token`, as in words: `c0+` if contact 0 closes on the drive flank, `i1-` if contact 1 strikes
+    /// its back flank. Kinds are `c`, `s`, `x`, `i`, `r`, `a`.
     ///
     /// # Errors
     /// [`SimulationError::Missing`] if the train cannot have such an event.
@@ -85,15 +85,15 @@ impl<'a> GuardMap<'a> {
         Ok(Self { simulation, token: token.to_owned(), guard })
     }
 
-    /// The first such event from the start of the scene.
+    /// Returns the state at the first such event from the start of the scene.
     ///
     /// # Errors
-    /// As [`image`](Self::image).
+    /// Errors of [`image`](Self::image).
     pub fn first(&self) -> Result<State, SimulationError> {
         Ok(self.run(self.simulation.start()?, &[])?.0)
     }
 
-    /// The next such event from `start`, and the derivative.
+    /// Returns the next such event from `start`, and the derivative.
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails, or if there is no such event within the time of the scene's run.
@@ -101,10 +101,10 @@ impl<'a> GuardMap<'a> {
         self.image_by(start, &[])
     }
 
-    /// The same, with the derivative by numbers of the train, as `variations` have them; `start` is held.
+    /// Returns the same, with the derivative by numbers of the train according to `variations`; `start` is held.
     ///
     /// # Errors
-    /// As [`image`](Self::image).
+    /// Errors of [`image`](Self::image).
     pub fn image_by(&self, start: &State, variations: &[Variation]) -> Result<Crossing, SimulationError> {
         let structure = &self.simulation.structure;
         let (end, watcher, earlier) = self.run(start.clone(), variations)?;
@@ -122,7 +122,7 @@ impl<'a> GuardMap<'a> {
         };
         let jacobian = moved(&tangent.columns.values, &time_by);
         let by_number = moved(&tangent.by_number().values, &time_by_number);
-        // A state that is met later is one that was behind at the start.
+        // A state that meets the event later was behind at the start.
         let before = rates(start);
         Ok(Crossing {
             time: self.simulation.clock().between(start.at, end.at),
@@ -136,7 +136,7 @@ impl<'a> GuardMap<'a> {
         })
     }
 
-    /// Runs to the next event; how much earlier neighbours come there, by the start and by numbers.
+    /// Runs to the next event; also returns how much earlier neighbours reach it, by the start and by numbers.
     fn run<'b>(
         &'b self,
         start: State,
@@ -174,14 +174,14 @@ impl<'a> GuardMap<'a> {
     }
 }
 
-/// Carries the derivative up to the event.
+/// Observer that carries the derivative up to the event.
 struct Watcher<'b> {
     map: &'b GuardMap<'b>,
     structure: &'b Structure,
     variations: &'b [Variation],
     tangent: Tangent<'b>,
     speller: Speller<'b>,
-    /// Once the event is met, how much earlier neighbours meet it, by the start and by numbers, if that is known.
+    /// After the event: how much earlier neighbours reach it, by the start and by numbers, if known.
     met: Option<Option<[Vec<f64>; 2]>>,
 }
 
@@ -208,7 +208,7 @@ impl Observer for Watcher<'_> {
                 let by = By { variations, at: jumped.at, x: jumped.x_minus };
                 self.structure.earlier(&jumped.from.mode, self.map.guard, by, columns)
             };
-            // What a switch or another contact's impact brings about comes at their time, and not at that of this guard.
+            // Events from a switch or another contact's impact occur at their times, not at that of this guard.
             let falls = jumped.fired.contains(self.map.guard);
             let by_start = earlier(&[], &self.tangent.columns).filter(|_| falls);
             let by_number = earlier(self.variations, self.tangent.by_number());

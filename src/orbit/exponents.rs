@@ -1,8 +1,8 @@
-//! Lyapunov exponents: how fast neighbouring motions part, by the tangent and its factors.
+//! Lyapunov exponents: rates at which neighbouring motions part, from the tangent and its factors.
 //!
-//! Columns of the tangent are made orthonormal again and again, `W X = Q R`, W the scales of the components; the exponents are the means
-//! of `ln R_ii` over time (Benettin et al. 1980, with jumps Müller 1995). Their sum is the mean rate of volumes, which is known by itself:
-//! the divergence of the field along arcs, and `ln |det|` of the jumps.
+//! The columns of the tangent are made orthonormal repeatedly, `W X = Q R`, with the scales W of the components. The exponents are the
+//! means of `ln R_ii` over time (Benettin et al. 1980, with jumps Müller 1995). Their sum is the mean rate of volumes, which the divergence
+//! of the field along arcs and `ln |det|` of the jumps give independently.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,107 +18,107 @@ use crate::{
     task::{Progress, Task},
 };
 
-/// Cycles dropped at least.
+/// Least number of cycles dropped.
 const DROPPED: u64 = 1000;
-/// Cycles averaged at most, unless their number is given.
+/// Most cycles averaged, unless their number is given.
 const MOST: u64 = 1_000_000;
-/// Band of the largest exponent that is good enough, as a share of the largest in size.
+/// Largest accepted band of the largest exponent, as a share of the largest in size.
 const BAND: f64 = 1e-3;
-/// Share of the largest exponent that the sum may be off its rule: logarithms are summed to some 1e-13 of themselves.
+/// Largest difference between the sum and its rule, as a share of the largest exponent: relative rounding of logarithms is some 1e-13.
 const RULE: f64 = 1e-9;
-/// Why interrupted work ends.
+/// Reason that interrupted work gives for its end.
 pub const INTERRUPTED: &str = "interrupted";
 /// Cycles whose words are read.
 const SPELLED: u64 = 100_000;
-/// Cycles after which a run begins anew from the state that it has come to, as one does that goes on with what was kept.
+/// Cycles after which a run restarts from its present state, as a resumed run does.
 const KEPT: u64 = 8192;
 /// Roundings of a step or an event, in units of ε of the state.
 const ROUNDED: f64 = 2.0;
 
-/// What is asked for.
+/// Settings of the computation of Lyapunov exponents.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lyapunov {
-    /// Cycles averaged; without it, until the band of the largest exponent is small.
+    /// Cycles averaged; if absent, until the band of the largest exponent is small.
     pub cycles: Option<u64>,
-    /// The exponents of resets alone too, to show what leaving saltation out does.
+    /// True to compute the exponents of resets alone too, which shows the effect of saltation.
     pub without_saltation: bool,
-    /// Finite-time exponents over this many cycles from the start, too.
+    /// Cycles from the start over which finite-time exponents are computed too.
     pub finite: Option<u64>,
 }
 
-/// Exponents, and what they are worth. `null` is −∞.
+/// Exponents with their standard errors. `null` is −∞.
 #[derive(Clone, Debug, Serialize)]
 pub struct Exponents {
-    /// Largest first, one for each displacement and velocity that does not drift; then `null`, one for each rank that rest takes and for
-    /// each latched speed.
+    /// Exponents, 1/s, largest first, one for each displacement and velocity that does not drift. Then `null` for each rank that rest takes
+    /// and for each latched speed.
     pub exponents: Vec<Option<f64>>,
-    /// One standard error each.
+    /// One standard error of each exponent.
     pub band: Vec<Option<f64>>,
-    /// Their sum, of those that are finite; `null` before the first cycle.
+    /// Sum of the finite exponents; `null` before the first cycle.
     pub sum: Option<f64>,
-    /// The value that the sum must have; `null` where contacts rest or latch speeds.
+    /// Predicted value of the sum; `null` if contacts rest or latch speeds.
     pub sum_rule: Option<f64>,
     /// Cycles averaged.
     pub cycles: u64,
-    /// Cycles dropped before.
+    /// Cycles dropped before them.
     pub dropped: u64,
-    /// `1/s`, or `1/time` where the scene has no units.
+    /// Unit of the exponents: `1/s`, or `1/time` if the scene has no units.
     pub unit: &'static str,
     /// Directions of drift left out, each with exponent 0.
     pub drift: usize,
-    /// Impacts that depend on each other fell on one instant: the derivative is that of neighbours that keep them together, and others may
-    /// part faster.
+    /// True if impacts that depend on each other fell on one instant. The derivative is then that of neighbours that keep them together;
+    /// others may part faster.
     pub piecewise: bool,
-    /// What the words of the averaged cycles tell, of at most the first hundred thousand.
+    /// Statistics of the words of the averaged cycles, of at most the first hundred thousand.
     pub words: Statistics,
-    /// Why it stopped before the band was small enough, or before its end, if so.
+    /// Reason for stopping before the band was small enough, or before the end.
     pub reason: Option<String>,
-    /// All cycles that were asked for are averaged.
+    /// True if all requested cycles are averaged.
     #[serde(skip)]
     pub is_whole: bool,
-    /// What only the derivative of each reset gives, without the change of event times.
+    /// Exponents from the derivative of each reset alone, without the change of event times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_saltation: Option<WithoutSaltation>,
     /// Finite-time exponents of the first cycles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub finite: Option<Finite>,
-    /// How the means of the exponents went on: cycles averaged, mean and band of each.
+    /// Course of the averages: cycles averaged, mean and band of each exponent.
     #[serde(skip)]
     pub course: Vec<(u64, Vec<f64>, Vec<f64>)>,
 }
 
-/// What one gets without saltation.
+/// Exponents without saltation.
 #[derive(Clone, Debug, Serialize)]
 pub struct WithoutSaltation {
-    /// Which way of leaving it out.
+    /// Description of what is left out.
     pub way: &'static str,
-    /// As [`Exponents::exponents`].
+    /// Exponents, as [`Exponents::exponents`].
     pub exponents: Vec<Option<f64>>,
 }
 
-/// Exponents of a number of cycles from the start, the columns starting as the unit matrix.
+/// Exponents of a number of cycles from the start, with the unit matrix as initial columns.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Finite {
-    /// How many cycles.
+    /// Number of cycles.
     pub cycles: u64,
-    /// In the order of the columns.
+    /// Exponents in the order of the columns.
     pub exponents: Vec<Option<f64>>,
-    /// How far rounding may have moved each: its change where the start moves by the rounding of the whole run. `null` where no run from
-    /// there is possible.
+    /// Error of each exponent from rounding: its change if the start moves by the rounding of the whole run. `null` if no run from there is
+    /// possible.
     pub errors: Vec<Option<f64>>,
 }
 
-/// What averaging has come to, to go on from.
+/// State of the averages, from which a run resumes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Averaging {
-    /// Cycles run, those dropped included.
+    /// Cycles run, including those dropped.
     cycle: u64,
     section: Section,
     frame: Held,
     averages: Averages,
-    /// The same of resets alone.
+    /// Columns and averages of resets alone.
     bare: Option<(Held, Averages)>,
-    /// `∫ div f dt + Σ ln |det|`; `None` where it is not known.
+    /// Volume rate `∫ div f dt + Σ ln |det|`; `None` if unknown.
     volume: Option<f64>,
     piecewise: bool,
     sequence: Sequence,
@@ -128,7 +128,7 @@ pub struct Averaging {
     finite: Option<Finite>,
 }
 
-/// A motion, the tangents that watch it, and what their factors have summed to.
+/// Motion, its tangents, and the sums of their factors.
 struct FramedRun<'s> {
     engine: Engine<'s>,
     frame: Frame<'s>,
@@ -136,7 +136,7 @@ struct FramedRun<'s> {
 }
 
 impl<'s> FramedRun<'s> {
-    /// Begins at `section` after `cycle` cycles; with the columns that were held, if any.
+    /// Starts at `section` after `cycle` cycles, with the kept columns, if any.
     fn new(
         map: &SectionMap<'s>,
         drift: &'s Drift,
@@ -167,7 +167,7 @@ impl<'s> FramedRun<'s> {
 }
 
 impl Lyapunov {
-    /// The exponents of the motion that the scene runs to.
+    /// Returns the exponents of the motion that the scene runs to.
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails, or for a train without a forcing period.
@@ -175,11 +175,11 @@ impl Lyapunov {
         self.go_on(simulation, None, &mut |_| (), task)
     }
 
-    /// The same, going on from what was kept of the same averages of the same train, if anything; every so many cycles `keep` is given what
-    /// the averages have come to. The result is the same to the last bit, however often it was broken off.
+    /// Returns the same, resumed from `earlier` averages of the same train, if any; every so many cycles `keep` receives the present
+    /// averages. The result is the same to the last bit, however often it was interrupted.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Errors of [`run`](Self::run).
     pub fn go_on(
         &self,
         simulation: &Simulation,
@@ -189,7 +189,7 @@ impl Lyapunov {
     ) -> Result<Exponents, SimulationError> {
         let map = SectionMap::new(simulation)?;
         let (drift, period) = (map.drift(), simulation.period()?);
-        // What was kept has them.
+        // Earlier averages contain them.
         let finite = match self.finite.filter(|_| earlier.is_none()) {
             Some(cycles) => finite_time(&map, &drift, cycles, period, task)?,
             None => None,
@@ -262,14 +262,14 @@ impl Lyapunov {
             let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
             let all_logs = logs.iter().chain(bare_logs.iter().flatten());
             if let Err(error) = run.and_then(|()| known(simulation, engine.state(), frame, all_logs)) {
-                // A cycle that is not whole counts for nothing.
+                // An incomplete cycle is ignored.
                 if now.averages.cycles == 0 && now.finite.is_none() {
                     return Err(error);
                 }
                 (now.cycle, reason, is_whole) = (now.cycle - 1, Some(error.to_string()), false);
                 break;
             }
-            // Twice: columns that have turned to what a speed leaves behind that was latched once, and never again, have to turn back.
+            // Twice: columns that have turned to the trace of a speed latched once have to turn back.
             if [dropped / 2, dropped].contains(&now.cycle) {
                 frame.begin();
                 bare.iter_mut().for_each(Frame::begin);
@@ -299,7 +299,7 @@ impl Lyapunov {
             let (mean, band) = now.averages.figures(period);
             let largest =
                 mean.iter().zip(&frame.lost).filter(|(_, lost)| !**lost).fold(0.0, |m: f64, (e, _)| m.max(e.abs()));
-            // The band of the largest that is finite; none is, where rest takes all.
+            // The band of the largest finite one; none is finite if rest takes all ranks.
             let first = (0..mean.len()).filter(|l| !frame.lost[*l]).max_by(|a, b| mean[*a].total_cmp(&mean[*b]));
             let is_good = first.is_none_or(|l| band[l] <= BAND * largest);
             if mean.iter().chain(&band).all(|number| number.is_finite()) {
@@ -370,7 +370,7 @@ impl Lyapunov {
     }
 }
 
-/// Whether a cycle that ends in `state` has left everything within the range of numbers.
+/// Checks that the state, the columns and their logarithms are finite numbers after a cycle.
 fn known<'l>(
     simulation: &Simulation,
     state: &State,
@@ -389,7 +389,7 @@ fn known<'l>(
     Err(simulation.missing(what))
 }
 
-/// Exponents of the first `cycles` cycles, and how far rounding may have moved them.
+/// Returns the exponents of the first `cycles` cycles, and their errors from rounding.
 /// `None` if it is cancelled.
 fn finite_time(
     map: &SectionMap<'_>,
@@ -400,7 +400,7 @@ fn finite_time(
 ) -> Result<Option<Finite>, SimulationError> {
     let simulation = map.simulation();
     let start = map.start()?;
-    // The exponents, and how many steps and events there were.
+    // The exponents, and the number of steps and events.
     type Known = (Vec<Option<f64>>, f64);
     let from = |section: &Section| -> Result<Option<Known>, SimulationError> {
         let start = map.state(section)?;
@@ -421,7 +421,7 @@ fn finite_time(
         Ok(Some((exponents, (counters.steps + counters.events) as f64)))
     };
     let Some((exponents, pieces)) = from(&start)? else { return Ok(None) };
-    // A rounding on the way is no more than one of the start: what is left of the way amplifies it less.
+    // A rounding on the way counts at most as much as one at the start: the rest of the way amplifies it less.
     let (scales, n) = (map.scales_of(std::slice::from_ref(&start)), simulation.structure.freedoms());
     let moved = |sign: f64| {
         let mut moved = start.clone();

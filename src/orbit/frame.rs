@@ -1,4 +1,4 @@
-//! Columns of the tangent that are kept orthonormal, and the logarithms of what is taken out of them.
+//! Columns of the tangent that are kept orthonormal, and the logarithms of their factors.
 
 use std::ops::ControlFlow;
 
@@ -11,11 +11,11 @@ use crate::{
     system::Columns,
 };
 
-/// A column this much smaller than the largest, after contacts have come to rest, is rounding: the derivative has lost a rank.
+/// Ratio to the largest column below which a column is rounding after contacts have come to rest: the derivative has lost a rank.
 const LOST: f64 = 1e-11;
-/// Rates times time after which columns are made orthonormal at the latest: they have then turned to each other by a factor of 1e3.
+/// Longest time between two orthonormalisations, times the rate: columns have then turned to each other by a factor of 1e3.
 const TURNED: f64 = 7.0;
-/// A tangent whose columns are kept orthonormal.
+/// Tangent whose columns are kept orthonormal.
 pub(crate) struct Frame<'s> {
     pub(super) tangent: Tangent<'s>,
     drift: &'s Drift,
@@ -24,18 +24,18 @@ pub(crate) struct Frame<'s> {
     n: usize,
     /// Scale of velocities.
     scale: f64,
-    /// `Σ ln R_ii` since they were taken.
+    /// Sum `Σ ln R_ii` since the last call of `take`.
     logs: Vec<f64>,
-    /// Columns whose rank has been lost since they were looked at.
+    /// Columns whose rank has been lost since the last call of `has_lost`.
     pub lost: Vec<bool>,
-    /// Columns that are zero now, as contacts rest.
+    /// Columns that are zero at present, as contacts rest.
     zero: Vec<bool>,
     turned: f64,
-    /// The mode, while contacts rest in it.
+    /// Mode while contacts rest in it.
     resting: Option<Mode>,
 }
 
-/// The columns of a frame between two cycles, to go on with.
+/// Columns of a frame between two cycles, to resume from.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub(super) struct Held {
     columns: Vec<f64>,
@@ -43,12 +43,12 @@ pub(super) struct Held {
     zero: Vec<bool>,
 }
 
-/// Scale of velocities, where that of displacements is one: the forcing's angular frequency, 1/s.
+/// Returns the scale of velocities for a unit scale of displacements: the forcing's angular frequency, 1/s; 1 if dimensionless.
 pub(crate) fn rate_scale(simulation: &Simulation) -> f64 {
     if simulation.dimensionless { 1.0 } else { simulation.clock().omega() }
 }
 
-/// One column for the largest exponent, along no symmetry of a train.
+/// Returns one column for the largest exponent, along no symmetry of a train.
 pub(crate) fn column(simulation: &Simulation) -> Columns {
     let (structure, scale) = (&simulation.structure, rate_scale(simulation));
     let n = structure.freedoms();
@@ -64,7 +64,7 @@ impl<'s> Frame<'s> {
         let left_out: usize = drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum();
         let count = 2 * n - left_out;
         let dim = structure.dim();
-        // Unit columns; those most along a drift are left out, and what is left of it in the others goes with the first factors.
+        // Unit columns; those most along a drift are left out, and the first factors remove the remainder of it from the others.
         let mut values = vec![0.0; dim * count];
         let mut kept: Vec<usize> = (0..2 * n).collect();
         for (direction, is_free) in drift.directions.iter().zip(&drift.is_free) {
@@ -78,7 +78,7 @@ impl<'s> Frame<'s> {
         Self::of(simulation, drift, scale, Columns { count, values })
     }
 
-    /// One column, for the largest exponent.
+    /// Returns the frame of one column, for the largest exponent.
     pub fn single(simulation: &'s Simulation, drift: &'s Drift) -> Self {
         Self::of(simulation, drift, rate_scale(simulation), column(simulation))
     }
@@ -116,40 +116,40 @@ impl<'s> Frame<'s> {
         self.logs.fill(0.0);
     }
 
-    /// What it goes on with, its factors having been taken.
+    /// Returns the columns from which the frame resumes, after its factors have been taken.
     pub(super) fn held(&self) -> Held {
         Held { columns: self.tangent.columns.values.clone(), lost: self.lost.clone(), zero: self.zero.clone() }
     }
 
-    /// Goes on with what was held.
+    /// Resumes from kept columns.
     pub(super) fn hold(&mut self, held: &Held) {
         self.tangent.columns.values.clone_from(&held.columns);
         self.lost.clone_from(&held.lost);
         self.zero.clone_from(&held.zero);
     }
 
-    /// Keeps in mind what contacts at rest in `mode` allow.
+    /// Stores the mode if contacts rest in it.
     fn rest(&mut self, mode: &Mode) {
         self.resting = self.tangent.rests.then(|| mode.clone());
     }
 
-    /// Whether a column has lost its rank since the last time.
+    /// Returns whether a column has lost its rank since the last call.
     pub(super) fn has_lost(&mut self) -> bool {
         let lost = self.lost.contains(&true);
         self.lost.clone_from(&self.zero);
         lost
     }
 
-    /// Takes the averages to begin here: nothing that rested or latched before has a part in them.
+    /// Begins the averages: earlier rests and latched speeds have no part in them.
     pub(super) fn begin(&mut self) {
         self.lost.clone_from(&self.zero);
         let first = 2 * self.n * self.tangent.columns.count;
         self.tangent.columns.values[first..].fill(0.0);
     }
 
-    /// Takes the factors out of the columns. Those without a length of their own, as contacts at rest have taken their rank, become zero.
+    /// Takes the factors out of the columns. Columns whose rank contacts at rest have taken become zero.
     fn orthonormalise(&mut self) {
-        // Rounding along what contacts at rest do not allow does not decay as the columns do.
+        // Rounding in directions that contacts at rest forbid does not decay as the columns do.
         if let Some(mode) = &self.resting {
             self.tangent.restrain(mode);
         }
@@ -166,14 +166,14 @@ impl<'s> Frame<'s> {
                 }
             }
         }
-        // Latched speeds have no length: they follow from displacements and velocities, and go with them. One vector after the other,
-        // velocities in units of the scale.
+        // Latched speeds have no length: they follow from displacements and velocities, and change with them. Vectors are treated one after
+        // the other, velocities in units of the scale.
         let rows = values.len() / m;
         let unit = |i: usize| if i < n || i >= 2 * n { 1.0 } else { *scale };
         let mut vectors: Vec<Vec<f64>> =
             (0..m).map(|l| (0..rows).map(|i| values[i * m + l] / unit(i)).collect()).collect();
         let norm = |vector: &[f64]| vector[..2 * n].iter().map(|c| c * c).sum::<f64>().sqrt();
-        // Columns have been of length one before what contacts at rest have taken from them.
+        // Columns had length one before contacts at rest shortened them.
         let mut largest = if tangent.rests || tangent.dies { 1.0f64 } else { 0.0 };
         for l in 0..m {
             if zero[l] {
@@ -205,12 +205,12 @@ impl<'s> Frame<'s> {
         self.turned = 0.0;
     }
 
-    /// Contacts let go: columns that were zero have a direction again, any one, at right angles to the others.
+    /// Restarts columns that were zero, as contacts are released: any directions at right angles to the others.
     fn seed(&mut self) {
         let (n, m) = (self.n, self.tangent.columns.count);
         for l in (0..m).filter(|l| self.zero[*l]).collect::<Vec<_>>() {
             let weight = |i: usize| if i < n { 1.0 } else { self.scale };
-            // Of all units the one that the others have least of.
+            // The unit vector with the least part in the others.
             let covered = |i: usize| {
                 let row = self.tangent.columns.row(i);
                 row.iter().map(|c| (c / weight(i)).powi(2)).sum::<f64>()
@@ -233,12 +233,12 @@ impl<'s> Frame<'s> {
         }
     }
 
-    /// Whether a part of the motion could not be resolved.
+    /// Returns whether a part of the motion could not be resolved.
     pub fn is_unresolved(&self) -> bool {
         self.tangent.is_unresolved
     }
 
-    /// The logarithms since the last time.
+    /// Returns the logarithms since the last call.
     pub fn take(&mut self) -> Vec<f64> {
         self.orthonormalise();
         let count = self.logs.len();
@@ -268,7 +268,7 @@ impl Observer for Frame<'_> {
     }
 
     fn jump(&mut self, jumped: &Jumped<'_>) {
-        // What the columns have turned by so far is not to be mixed with what an impact does. Soft contacts change them little.
+        // The turn of the columns so far must not mix with the effect of an impact. Soft contacts change them little.
         let is_impact = !jumped.to.struck.is_empty() || jumped.settles || self.tangent.rests;
         if is_impact {
             self.orthonormalise();

@@ -1,4 +1,4 @@
-//! The kind of a motion, decided by measure.
+//! Kind of a motion, decided by numerical criteria.
 
 use std::f64::consts::TAU;
 
@@ -20,24 +20,24 @@ use crate::{
     task::Task,
 };
 
-/// What a motion is in the end.
+/// Kind of a motion after its transient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// On a stable orbit.
+    /// The motion is on a stable orbit.
     Periodic,
-    /// On a torus: it never comes back, and its averages converge fast.
+    /// The motion is on a torus: it never repeats, and its averages converge fast.
     QuasiPeriodic,
     /// Neighbours part, by an exponent that is above zero by more than three bands.
     Chaotic,
-    /// Still on its way, or leaving for ever.
+    /// The motion still settles, or escapes.
     Transient,
-    /// None of the others by the cycles run.
+    /// None of the others within the cycles run.
     Undecided,
 }
 
 impl Kind {
-    /// As files have it.
+    /// Returns its word in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -50,37 +50,37 @@ impl Kind {
     }
 }
 
-/// What is known of a motion.
+/// Properties of a motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// Its kind.
     pub kind: Kind,
-    /// Period of a periodic one, cycles.
+    /// Period of a periodic motion, cycles.
     pub period: Option<u64>,
     /// Its word in normal form.
     pub word: Option<String>,
-    /// The largest size of its multipliers, without those that say nothing of stability.
+    /// Largest absolute value of a multiplier, without those that do not decide on stability.
     pub multiplier: Option<f64>,
-    /// The largest exponent and one standard error of it, 1/s, where it was computed.
+    /// Largest exponent and its standard error, 1/s, if computed.
     pub exponent: Option<[f64; 2]>,
-    /// Turns per cycle around the orbit that a torus encloses, in [0, ½], where that orbit was found.
+    /// Turns per cycle around the orbit that a torus encloses, in [0, ½], if that orbit was found.
     pub rotation: Option<f64>,
     /// Cycles run until this was known.
     pub cycles: u64,
-    /// Distance between the ends of the orbit, in scales; without one that of the last two sections.
+    /// Distance between the ends of the orbit, in scales; without an orbit that of the last two sections.
     pub distance: f64,
-    /// Why it is of no other kind.
+    /// Reason for which it is of no other kind.
     pub reason: Option<String>,
 }
 
-/// How long a motion without an orbit is watched.
+/// Duration for which a motion without an orbit is watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Watching {
-    /// Cycles over which averages are taken first.
+    /// Cycles of the first averages.
     pub cycles: u64,
-    /// Times that they are doubled at most.
+    /// Most doublings of these cycles.
     pub doublings: u32,
-    /// The transient is over: averages are taken from all cycles, not from their second half.
+    /// True if the transient is over: averages are taken from all cycles, not from their second half.
     pub is_settled: bool,
 }
 
@@ -90,44 +90,44 @@ impl Default for Watching {
     }
 }
 
-/// Digits of a weighted average from which a motion is regular, and up to which it may be chaotic (Sander and Meiss 2020; thresholds by
+/// Digits of a weighted average above which a motion is regular, and below which it may be chaotic (Sander and Meiss 2020; thresholds by
 /// computation on a chaotic pair and a circle map).
 pub(super) const REGULAR: f64 = 6.0;
 const IRREGULAR: f64 = 4.0;
-/// Share of its mean below which an observable does not change.
+/// Spread of an observable, as a share of its mean, below which it counts as constant.
 const STAYS: f64 = 1e-8;
 /// Bands within which an exponent counts as zero.
 pub(super) const BANDS: f64 = 3.0;
-/// Growth of the state, in the largest state of the first cycles, that is an escape.
+/// Growth of the state, relative to the largest state of the first cycles, that is an escape.
 const ESCAPED: f64 = 1e6;
-/// Share to which returns fall in each of the last quarters of a run that still decays.
+/// Factor of the distances of returns, in each of the last quarters of a run, below which the run still settles.
 pub(crate) const CLOSING: f64 = 0.7;
-/// Growth from quarter to quarter of the cycles that is none of a steady motion.
+/// Growth from quarter to quarter of the cycles that excludes a steady motion.
 const GROWS: f64 = 1.2;
-/// Bands above zero from which an exponent needs no other proof.
+/// Bands above zero beyond which an exponent needs no other proof.
 const CLEARLY: f64 = 10.0;
-/// Exponent times period that rounding makes of zero.
+/// Exponent times period that rounding can produce from zero.
 const ROUNDED: f64 = 1e-9;
-/// Logarithm of a growth of rounding up to which an orbit is known at all.
+/// Logarithm of the growth of rounding beyond which an orbit is undetermined.
 pub(super) const DETERMINED: f64 = 32.0;
-/// Logarithm of a growth below which neighbours have not parted: those on a torus part in proportion to time, some hundred times in as many
+/// Logarithm of a growth below which neighbours have not parted: on a torus they part in proportion to time, some hundred times in as many
 /// cycles, which looks like an exponent.
 pub(super) const PARTED: f64 = 10.0;
-/// Distance of two sections, in scales, below which a run stands on an orbit.
+/// Distance of two sections, in scales, below which a run rests on an orbit.
 const STANDS: f64 = 1e-9;
-/// Push away from an unstable orbit, in sizes of the state.
+/// Perturbation away from an unstable orbit, in sizes of the state.
 const PUSHED: f64 = 1e-6;
-/// Distance after which a section has come back.
+/// Distance, in scales, below which a section has returned.
 pub(crate) const CLOSES: f64 = 1e-6;
-/// The same beside which a motion may stay.
+/// Longest return, cycles, to an unstable orbit beside which a motion may stay.
 const SHORT: usize = 16;
-/// Periods up to which an orbit is looked for once neighbours are known to come together.
+/// Longest period searched for, cycles, once neighbours are known to approach each other.
 pub(crate) const LONG: u32 = 64;
 
-/// Reason of a motion that stays undecided, as its tangent is not known.
+/// Reason of a motion that stays undecided, as its tangent is unknown.
 pub(super) const UNRESOLVED: &str = "the derivative along a step of its motion cannot be resolved";
 
-/// Why a motion is transient.
+/// Returns the reason for which a motion is transient.
 pub(crate) fn still_closing(cycles: u64) -> String {
     format!("its sections still come nearer to each other after {cycles} cycles")
 }
@@ -148,7 +148,7 @@ impl Motion {
         }
     }
 
-    /// By what a run has approached alone: periodic, transient or undecided.
+    /// Returns the kind from the approach alone: periodic, transient or undecided.
     #[must_use]
     pub fn of(approached: &Approached) -> Self {
         let kind = match &approached.orbit {
@@ -167,7 +167,7 @@ impl Motion {
     }
 }
 
-/// The weighted average of `values`: smooth weights make it converge faster than any power on a torus (Das, Saiki, Sander and Yorke 2017).
+/// Returns the weighted average of `values`: smooth weights converge faster than any power on a torus (Das, Saiki, Sander and Yorke 2017).
 fn weighted(values: &[f64]) -> f64 {
     let count = values.len() as f64;
     let weight = |m: usize| {
@@ -181,47 +181,47 @@ fn weighted(values: &[f64]) -> f64 {
     sum / weights
 }
 
-/// Digits that the weighted averages of both halves have in common.
+/// Returns the number of digits in which the weighted averages of both halves agree.
 fn digits(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let spread = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt();
     let (first, second) = values.split_at(values.len() / 2);
     let off = (weighted(first) - weighted(second)).abs();
-    // What stays as it is changes by rounding alone.
+    // A constant observable changes by rounding alone.
     let spread = spread.max(STAYS * mean.abs()).max(f64::MIN_POSITIVE);
     -libm::log10((off / spread).max(f64::EPSILON))
 }
 
-/// Further cycles of a motion, and what they tell of it.
+/// Further cycles of a motion, with its tangent and observables.
 pub(super) struct Watched<'m, 's> {
     map: &'m SectionMap<'s>,
     drift: &'m Drift,
     pub frame: Frame<'m>,
     /// Logarithms of the growth of the column, a row for each cycle.
     pub rows: Vec<Vec<f64>>,
-    /// In which cycles rest has taken its rank.
+    /// True for each cycle in which rest has taken a rank of the column.
     lost: Vec<bool>,
     pub sections: Vec<Section>,
     observables: [Vec<f64>; 4],
     is_settled: bool,
 }
 
-/// Figures of the cycles watched; of the second half of them, where a transient may be left in the first.
+/// Figures of the watched cycles; of their second half if a transient may be left in the first.
 #[derive(Clone, Copy)]
 pub(crate) struct Figures {
-    /// Digits that averages agree to.
+    /// Digits to which averages agree.
     pub digits: f64,
-    /// The largest exponent and its band, 1/s; −∞ where rest has made neighbours one.
+    /// Largest exponent and its band, 1/s; −∞ if rest has merged neighbours.
     pub exponent: f64,
     pub band: f64,
-    /// Growth of a difference in a cycle, logarithm.
+    /// Logarithm of the growth of a difference in a cycle.
     pub growth: f64,
-    /// The same over all cycles watched.
+    /// Logarithm of the growth over all watched cycles.
     pub whole: f64,
 }
 
 impl Figures {
-    /// By the logarithms of growth, a row for each cycle, and by observables.
+    /// Returns the figures from the logarithms of growth, a row for each cycle, and from observables.
     pub fn new<'a>(rows: &[impl AsRef<[f64]>], observables: impl Iterator<Item = &'a [f64]>, period: f64) -> Self {
         let (exponents, bands) = means(rows, period);
         let growth = exponents[0].max(0.0) * period;
@@ -229,7 +229,7 @@ impl Figures {
         Self { digits, exponent: exponents[0], band: bands[0], growth, whole: growth * rows.len() as f64 }
     }
 
-    /// Why they leave the kind open; `tried` says what kept an orbit from counting.
+    /// Returns the reason for which they leave the kind open; `tried` is the reason against an orbit.
     pub fn reason(self, cycles: u64, tried: Option<String>) -> String {
         let Self { digits, exponent, band, .. } = self;
         let tried = tried.map_or_else(String::new, |tried| format!("; {tried}"));
@@ -238,12 +238,12 @@ impl Figures {
         )
     }
 
-    /// Whether it is not clearly above zero.
+    /// Returns whether the exponent is not clearly above zero.
     pub fn is_low(self) -> bool {
         self.exponent <= CLEARLY * self.band
     }
 
-    /// Whether neighbours part: the exponent is above zero by more than its bands.
+    /// Returns whether neighbours part: the exponent is above zero by more than its bands.
     pub fn parts(self) -> bool {
         self.exponent > BANDS * self.band
     }
@@ -272,7 +272,7 @@ impl<'m, 's> Watched<'m, 's> {
         Self { map, drift, frame, rows: Vec::new(), lost: Vec::new(), sections: Vec::new(), observables, is_settled }
     }
 
-    /// Runs one cycle more. Whether it ended.
+    /// Runs one further cycle and returns whether it ended.
     pub fn cycle(&mut self, engine: &mut Engine<'s>, observer: &mut dyn Observer) -> Result<bool, SimulationError> {
         let at = self.map.simulation().clock().at(engine.state().at.cycle + 1, 0.0);
         if engine.run(at, &mut (&mut self.frame, observer))? != Outcome::ReachedEnd {
@@ -293,7 +293,7 @@ impl<'m, 's> Watched<'m, 's> {
         Figures { exponent: if is_lost { f64::NEG_INFINITY } else { figures.exponent }, ..figures }
     }
 
-    /// Whether the motion grows from quarter to quarter of the cycles.
+    /// Returns whether the motion grows from quarter to quarter of the cycles.
     fn grows(&self) -> bool {
         let quarter = self.sections.len() / 4;
         self.observables.iter().any(|values| {
@@ -302,13 +302,13 @@ impl<'m, 's> Watched<'m, 's> {
         })
     }
 
-    /// Whether it is still beside an orbit, and neighbours part from that: a push out of a symmetry may take thousands of cycles to grow.
+    /// Returns whether it is still beside an orbit from which neighbours part. Leaving a symmetry may take thousands of cycles.
     fn leaves(&self) -> bool {
         let returns = return_distances(self.map, &self.sections, SHORT, self.drift);
         returns.is_some_and(|[a, b, c]| c <= BESIDE || c <= NEAR && b > GROWS * a && c > GROWS * b)
     }
 
-    /// After how many cycles the last section came back, of at most a quarter of them.
+    /// Returns the number of cycles after which the last section returned, at most a quarter of all.
     fn closes(&self) -> Option<usize> {
         let (last, before) = self.sections.split_last()?;
         let scales = self.map.scales_of(&self.sections[self.sections.len() / 2..]);
@@ -317,13 +317,13 @@ impl<'m, 's> Watched<'m, 's> {
     }
 }
 
-/// The largest size of a component.
+/// Returns the largest absolute value of a component.
 fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
-/// A state beside that of `engine`, in no symmetry of the train: a run can stay on an unstable orbit for ever, where a symmetry keeps it
-/// there, and the smallest difference shows where it goes.
+/// Returns a state beside that of `engine`, in no symmetry of the train. A symmetry can keep a run on an unstable orbit for ever, and the
+/// smallest difference makes it leave.
 fn pushed(map: &SectionMap<'_>, engine: &Engine<'_>) -> Result<State, SimulationError> {
     let mut section = map.section(engine.state());
     let n = map.simulation().structure.freedoms();
@@ -334,8 +334,8 @@ fn pushed(map: &SectionMap<'_>, engine: &Engine<'_>) -> Result<State, Simulation
     map.state(&section)
 }
 
-/// Decides what has `approached` no orbit, by further cycles of `engine`, which is at the start of a cycle: their weighted
-/// averages and the largest exponent. `None` if the run is broken off.
+/// Decides on a motion that has `approached` no orbit, from further cycles of `engine`, which is at the start of a cycle: from their
+/// weighted averages and the largest exponent. `None` if the run is interrupted.
 ///
 /// # Errors
 /// [`SimulationError`] if the run fails.
@@ -369,7 +369,7 @@ pub fn decide<'s>(
         };
         return Ok(Some((Motion::of(&rest), rest.orbit)));
     }
-    // Equal planets that start alike stay alike, until rounding parts them late: exponents on the way would be those of another motion.
+    // Equal planets with equal starts stay equal until rounding parts them late: exponents before would be those of another motion.
     let may_be_symmetric = simulation.structure.freedoms() > 1;
     if (approached.distance <= STANDS || may_be_symmetric)
         && !simulation.settings.verify
@@ -404,17 +404,17 @@ pub fn decide<'s>(
         }
         let figures = watched.figures(period);
         motion.exponent = Some([figures.exponent, figures.band]).filter(|e| e.iter().all(|e| e.is_finite()));
-        // A section that comes back, however late, and an exponent that is not clearly above zero: is there an orbit after all?
+        // A section that returns, however late, and an exponent not clearly above zero: search for an orbit again.
         let closes = watched.closes();
         if closes.is_some_and(|cycles| figures.growth * cycles as f64 > DETERMINED) {
-            // Rest makes it come back, at some time; rounding on the way decides when.
+            // Rest makes the section return; rounding before it decides when.
             let reason = "it comes to rest again and again, and amplifies rounding too much in between to have a period in doubles";
             return ends(Motion { exponent: None, ..motion }, Kind::Undecided, Some(reason.to_owned()));
         }
         if closes.is_some() || figures.is_low() {
             let longest_period = closes.unwrap_or(1).max(LONG as usize) as u32;
             let long = Approach { longest_period, most_cycles: u64::from(4 * longest_period), ..Approach::default() };
-            // By a run of its own, so that the averages have no gap.
+            // A separate run, so that the averages have no gap.
             let mut other = simulation.engine(engine.state().clone())?;
             let Some(found) = long.run(map, &mut other, &mut (), task)? else { return Ok(None) };
             if found.orbit.is_some() {
@@ -437,7 +437,7 @@ pub fn decide<'s>(
         }
     }
     let (cycles, figures) = (motion.cycles, watched.figures(period));
-    // Where neighbours part, sections come nearer to each other by chance alone.
+    // If neighbours part, sections approach each other by chance alone.
     if !figures.parts() && closing(return_distances(map, &watched.sections, LONG as usize, &drift)) <= CLOSING {
         return ends(motion, Kind::Transient, Some(still_closing(cycles)));
     }
@@ -472,8 +472,8 @@ impl SectionMap<'_> {
     }
 }
 
-/// Turns per cycle around the orbit of one cycle that the motion encloses: the weighted average of the increments of the angle in the plane
-/// of its largest pair of complex multipliers.
+/// Returns the turns per cycle around the orbit of one cycle that the motion encloses. They are the weighted average of the increments of
+/// the angle in the plane of its largest pair of complex multipliers.
 fn rotation(map: &SectionMap<'_>, states: &[Section], drift: &Drift) -> Option<f64> {
     let dim = states.first()?.x.len();
     let middle = (0..dim).map(|i| weighted(&states.iter().map(|s| s.x[i]).collect::<Vec<_>>())).collect();

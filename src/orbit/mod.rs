@@ -1,8 +1,8 @@
 //! Periodic orbits, their multipliers, exponents and words, by the derivative of the motion.
 //!
-//! A [`Tangent`] watches a run and carries columns of the derivative along arcs and across jumps. A [`SectionMap`] takes a state at phase 0
-//! over whole cycles, with the derivative; Newton's method on it solves for orbits, stable or not. A [`GuardMap`] takes it from one event of
-//! a kind to the next, which needs no period.
+//! A [`Tangent`] observes a run and carries columns of the derivative along arcs and across jumps. A [`SectionMap`] maps a state at phase 0
+//! over whole cycles, with the derivative; Newton's method on it solves for orbits, stable or not. A [`GuardMap`] maps a state from one
+//! event of a kind to the next, without need of a period.
 
 pub(crate) mod approach;
 pub(crate) mod averages;

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{simulation::SimulationError, task::Task};
 
-/// Newton steps at most.
+/// Most Newton steps.
 pub(super) const STEPS: usize = 40;
 /// Halvings of a step that makes the residual larger.
 pub(super) const HALVINGS: i32 = 6;
@@ -23,40 +23,40 @@ pub(super) const LONGEST: f64 = 50.0;
 pub(crate) const CLOSED: f64 = 1e-10;
 /// Two states nearer than this, in scales, are the same point of an orbit.
 pub(crate) const SAME: f64 = 1e-6;
-/// Distance of a multiplier from the unit circle that rounding may make: that of a pair of ones is the root of a rounding's.
+/// Distance of a multiplier from the unit circle that rounding can cause: for a pair of ones, the root of the rounding of 1.
 pub(crate) const MARGINAL: f64 = 1e-8;
-/// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
+/// Share of the largest singular value below which a singular value belongs to an undetermined direction.
 const NEUTRAL: f64 = 1e-12;
 
-/// Why a state that returns starts no orbit.
+/// Reason for which a state that returns starts no orbit.
 pub(super) const UNLIKE: &str = "what contacts do at the start of a cycle is not what the cycle before leaves";
 
 /// A periodic orbit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Orbit {
-    /// Period, cycles: the smallest.
+    /// Smallest period, cycles.
     pub period: u64,
-    /// Where it starts, at phase 0.
+    /// Start of the orbit, at phase 0.
     pub section: Section,
     /// The map over the period.
     pub image: Image,
-    /// One for each component of the state, the largest first.
+    /// One multiplier for each component of the state, the largest first.
     pub multipliers: Vec<Complex<f64>>,
-    /// How many of them are ones of a drift, or of a latched speed that is never written: they say nothing of stability.
+    /// Count of multipliers that are ones of a drift, or of a latched speed that is never written: they do not decide on stability.
     pub neutral: usize,
-    /// All others are inside the unit circle.
+    /// True if all others are inside the unit circle.
     pub is_stable: bool,
-    /// One of them is so near to the circle that rounding may decide on which side: a train without damping, or a point at which the
-    /// motion changes. Or impacts that depend on each other fall on one instant: neighbours that part them have other multipliers, or jump.
+    /// True if a multiplier is so near to the circle that rounding may decide on its side: without damping, or where the motion changes.
+    /// Also true if impacts that depend on each other fall on one instant: neighbours that part them have other multipliers, or jump.
     pub is_marginal: bool,
     /// Distance between start and end, in scales.
     pub residual: f64,
-    /// `‖(I − J)⁻¹‖` in scales: the state is off by about this times the residual.
+    /// Norm `‖(I − J)⁻¹‖` in scales: the error of the state is about this times the residual.
     #[serde(deserialize_with = "number")]
     pub condition: f64,
-    /// Half a cycle later it is its own mirror image, drive and back flanks changed for each other; said of what a search has found.
+    /// True if the state half a cycle later is the mirror image, with drive and back flanks exchanged; set by a search.
     pub is_symmetric: bool,
-    /// The earlier one of what a search has found that a symmetry of the train makes of it: the mirror image, or two equal planets changed.
+    /// Index of the earlier orbit of a search that a symmetry maps to this one: a mirror image, or an exchange of equal planets.
     pub partner: Option<usize>,
 }
 
@@ -65,15 +65,15 @@ pub struct Orbit {
 pub(super) struct Options<'a> {
     /// Steps in which the residual must fall by half, or the search ends.
     pub patience: Option<usize>,
-    /// States of orbits that are known already, to be kept away from.
+    /// States of known orbits, which the search avoids.
     pub known: &'a [Vec<f64>],
-    /// What may break the search off, between two steps.
+    /// Task whose cancellation ends the search between two steps.
     pub task: Task<'a>,
 }
 
 impl Options<'_> {
-    /// Deflation (Farrell, Birkisson and Funke 2015): the residual counts times `M = Π (1 + 1/‖y − y_i‖²)` over the known states y_i, which
-    /// has no zero there. M at `x`, and the change of `ln M` along `step`.
+    /// Returns M at `x`, and the change of `ln M` along `step`, for the deflation `M = Π (1 + 1/‖y − y_i‖²)` over the known states y_i. The
+    /// residual times M has no zero there (Farrell, Birkisson and Funke 2015).
     fn deflation(&self, unknowns: &Unknowns, x: &[f64], step: Option<&DVector<f64>>) -> [f64; 2] {
         self.known.iter().fold([1.0, 0.0], |[product, change], known| {
             let off = unknowns.between(known, x);
@@ -84,18 +84,18 @@ impl Options<'_> {
     }
 }
 
-/// Why no orbit was found from a start.
+/// Failure of the search for an orbit from a start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Missed {
-    /// The best residual, in scales; infinite where the map could not be evaluated.
+    /// Least residual, in scales; infinite if the map could not be evaluated.
     pub residual: f64,
-    /// What stopped the search.
+    /// Reason for the end of the search.
     pub reason: String,
 }
 
 impl Orbit {
-    /// The orbit through `section`, whose `image` closes; its derivative, in unknowns, is the product of `factors`, the first one applied
-    /// first.
+    /// Returns the orbit through `section`, whose `image` closes; its derivative, in unknowns, is the product of `factors`, the first one
+    /// applied first.
     pub(crate) fn of(
         section: Section,
         image: Image,
@@ -107,7 +107,7 @@ impl Orbit {
         let neutral = section.x.len() - unknowns.count();
         let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
         let is_marginal = image.corner.is_some() || multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
-        // Zeros are known from the events, and are not computed.
+        // Zeros are known from the events and not computed.
         multipliers.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
         multipliers.iter_mut().take(image.zeros).for_each(|m| *m = Complex::new(0.0, 0.0));
         multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), neutral));
@@ -128,7 +128,7 @@ impl Orbit {
         }
     }
 
-    /// The multipliers but those that say nothing of stability.
+    /// Returns the multipliers without those that do not decide on stability.
     #[must_use]
     pub fn telling(&self) -> Vec<Complex<f64>> {
         let mut left = self.multipliers.clone();
@@ -140,7 +140,7 @@ impl Orbit {
         left
     }
 
-    /// The answer to whether it is stable, and the adjective for it. An orbit that no multiplier makes unstable beyond rounding is marginal.
+    /// Returns the answer to whether it is stable, and an adjective: marginal if no multiplier makes it unstable beyond rounding.
     #[must_use]
     pub fn stability(&self) -> (&'static str, &'static str) {
         match self.is_stable {
@@ -150,7 +150,7 @@ impl Orbit {
         }
     }
 
-    /// The multiplier of largest size, but those that say nothing of stability.
+    /// Returns the largest absolute value of the multipliers that decide on stability.
     #[must_use]
     pub fn largest_multiplier(&self) -> f64 {
         self.telling().iter().map(|m| m.norm()).fold(0.0, f64::max)
@@ -158,7 +158,7 @@ impl Orbit {
 }
 
 impl SectionMap<'_> {
-    /// The orbit of `period` cycles near `start`, by Newton's method.
+    /// Returns the orbit of `period` cycles near `start`, by Newton's method.
     ///
     /// # Errors
     /// [`Missed`], if it does not converge.
@@ -166,7 +166,7 @@ impl SectionMap<'_> {
         self.solve_from(start, period, drift, Options::default())
     }
 
-    /// The same, with `options`.
+    /// Returns the same, with `options`.
     pub(super) fn solve_from(
         &self,
         start: &Section,
@@ -211,7 +211,7 @@ impl SectionMap<'_> {
                 return Err(missed(best, "the derivative cannot be inverted"));
             };
             let condition = svd.singular_values.min().recip();
-            // Of the deflated residual `M F` the step is a multiple of that of F.
+            // The step of the deflated residual `M F` is a multiple of that of F.
             let [weight, change] = options.deflation(unknowns, &section.x, Some(&step));
             let step = step / (1.0 - change);
             let length = step.norm();
@@ -221,7 +221,7 @@ impl SectionMap<'_> {
             if length > LONGEST {
                 return Err(missed(best, "a step of Newton's method leaves the range of the motion"));
             }
-            // The residual needs no derivative: with the same one further steps are taken as long as each is worth it.
+            // The residual needs no derivative: further steps are taken with the same one while they reduce the residual enough.
             let contacts = &image.end.contacts;
             let off_at = |section: &Section| -> Option<DVector<f64>> {
                 let end = self.follow(section, period).ok()?;
@@ -276,7 +276,7 @@ impl SectionMap<'_> {
         Err(missed(best, "Newton's method does not converge"))
     }
 
-    /// What is known of an orbit that is found; of its smallest period.
+    /// Returns the orbit found, reduced to its smallest period.
     fn settle(
         &self,
         mut section: Section,
@@ -286,7 +286,7 @@ impl SectionMap<'_> {
         mut condition: f64,
     ) -> Result<Orbit, Missed> {
         if section.contacts != image.end.contacts {
-            // The state is that of the orbit; what contacts do there, only the motion before it tells.
+            // The state is that of the orbit; the modes of the contacts follow from the motion before it.
             section.contacts.clone_from(&image.end.contacts);
             let failed = |error: SimulationError| Missed { residual, reason: error.to_string() };
             image = self.image(&section, period).map_err(failed)?;

@@ -1,23 +1,23 @@
-//! Orbits that a symmetry of the train makes of one another: both flanks changed for each other half a cycle later, or equal planets.
+//! Orbits that a symmetry maps to each other: exchange of both flanks half a cycle later, or of equal planets.
 
 use super::{Drift, Found, Orbit, Section, SectionMap, newton::SAME, unknowns::distance};
 
 impl Orbit {
-    /// Whether `x` is a point of the orbit, to so many scales.
+    /// Returns whether `x` is a point of the orbit, within a distance in scales.
     pub(super) fn passes(&self, map: &SectionMap<'_>, x: &[f64], drift: &Drift, within: f64) -> bool {
         let there = Section { x: x.to_vec(), contacts: self.section.contacts.clone() };
         let scales = map.scales_of(std::slice::from_ref(&self.section));
         self.image.between.iter().any(|point| distance(map, point, &there, &scales, drift) <= within)
     }
 
-    /// The state half a cycle later with drive and back flanks changed for each other; `None` if it cannot be reached.
+    /// Returns the state half a cycle later with drive and back flanks exchanged; `None` if it cannot be reached.
     fn mirrored(&self, map: &SectionMap<'_>) -> Option<Vec<f64>> {
         let half = map.lead(&self.section, &map.at_phase(0.5)).ok()?;
         let moving = 2 * map.simulation().structure.freedoms();
         Some(half.x.iter().enumerate().map(|(i, x)| if i < moving { -x } else { *x }).collect())
     }
 
-    /// The state with two members of all classes of equal degrees of freedom changed for each other, for each such pair.
+    /// Returns the states with two members exchanged in all classes of equal degrees of freedom, one for each pair of members.
     fn exchanged(&self, map: &SectionMap<'_>) -> Vec<Vec<f64>> {
         let structure = &map.simulation().structure;
         let (n, classes) = (structure.freedoms(), structure.symmetry.freedoms());
@@ -37,7 +37,7 @@ impl Orbit {
 }
 
 impl Found {
-    /// Says of each orbit whether it is its own mirror image, and which earlier one is its partner.
+    /// Sets for each orbit whether it is its own mirror image, and its earlier partner.
     pub(super) fn pair_up(&mut self, map: &SectionMap<'_>) {
         for i in 0..self.orbits.len() {
             let orbit = &self.orbits[i];

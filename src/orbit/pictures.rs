@@ -1,4 +1,4 @@
-//! Pictures: an orbit against its backlash, and how exponents settle.
+//! Pictures of an orbit against its backlash, and of the convergence of exponents.
 
 use std::{f64::consts::TAU, ops::ControlFlow};
 
@@ -13,14 +13,14 @@ use crate::{
     simulation::{Simulation, SimulationError},
 };
 
-/// Samples of a cycle, and of the time between two events: a stiff contact is a short part of a cycle.
+/// Samples of a cycle, and of the time between two events: contact with a stiff mesh is a short part of a cycle.
 const SAMPLES: u64 = 240;
 const BETWEEN: u64 = 24;
 /// Contacts drawn.
 const MOST: usize = 6;
-/// Largest multiplier beside which the unit circle can be seen; larger ones are named.
+/// Largest multiplier drawn: beside a larger one the unit circle would not be visible, so that it is only named.
 const SEEN: f64 = 12.0;
-/// Share of the range of deflections within which two curves are one.
+/// Difference, as a share of the range of deflections, within which two curves are drawn as one.
 const ALIKE: f64 = 1e-6;
 
 /// Name of the picture of an orbit in file names.
@@ -28,7 +28,7 @@ pub const ORBIT: &str = "orbit";
 /// Name of the picture of exponents.
 pub const EXPONENTS: &str = "exponents";
 
-/// The states before and after each jump.
+/// States before and after each jump.
 #[derive(Default)]
 struct Jumps(Vec<(Instant, Vec<f64>, Vec<f64>)>);
 
@@ -50,8 +50,8 @@ impl Observer for Jumps {
     }
 }
 
-/// The deflection of each contact over the period and against its rate, and the multipliers in the unit circle; `orbit` is the first one
-/// of `count`.
+/// Draws the deflection of each contact over the period and against its rate, and the multipliers in the unit circle. `orbit` is the first
+/// one of `count`.
 ///
 /// # Errors
 /// [`SimulationError`] if the orbit cannot be run.
@@ -99,7 +99,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit, count: usize) -> Result<Fig
     let flanks_of = contacts.iter().flat_map(|c| [c.half_backlash, -c.half_backlash]);
     let all = || shown.iter().flat_map(|(deflections, _)| deflections.iter().copied());
     let [low, high] = [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
-    // A flank that is touched is not drawn upon the frame.
+    // A flank that the orbit touches is not drawn on the frame.
     let [low, high] = flanks_of.fold([low, high], |[low, high], flank| {
         let near = 0.2 * (high - low);
         let is_near = (low - near..=high + near).contains(&flank);
@@ -110,7 +110,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit, count: usize) -> Result<Fig
         let axis = Axis::new("deflection", m);
         if margin > 0.0 { axis.between(low - margin, high + margin) } else { axis }
     };
-    // Curves that lie upon each other are one with several names.
+    // Equal curves are drawn once, with several names.
     let is_alike = |a: usize, b: usize| {
         let off = shown[a].0.iter().zip(&shown[b].0).map(|(a, b)| (a - b).abs());
         off.fold(0.0, f64::max) <= ALIKE * (high - low)
@@ -165,7 +165,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit, count: usize) -> Result<Fig
         (0..=180).map(|i| libm::cos(angle(i))).collect(),
         (0..=180).map(|i| libm::sin(angle(i))).collect(),
     );
-    // Those that say nothing of stability are written as exact ones.
+    // Multipliers that do not decide on stability are written as exact ones.
     let is_neutral = |m: &&Complex<f64>| **m == Complex::new(1.0, 0.0);
     let (far, near): (Vec<_>, Vec<_>) = orbit.multipliers.iter().partition(|m| m.norm() > SEEN);
     let (neutral, others): (Vec<_>, Vec<_>) = near.into_iter().partition(is_neutral);
@@ -206,7 +206,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit, count: usize) -> Result<Fig
     })
 }
 
-/// A word that fits a caption.
+/// Returns a word short enough for a caption.
 fn shortened(word: &str) -> String {
     match word.char_indices().nth(120) {
         Some((end, _)) => format!("{} …", &word[..end]),
@@ -215,7 +215,7 @@ fn shortened(word: &str) -> String {
     }
 }
 
-/// How the means of the exponents settle, each with its band.
+/// Draws the convergence of the means of the exponents, each with its band.
 #[must_use]
 pub fn exponents(simulation: &Simulation, exponents: &Exponents) -> Figure {
     let course = &exponents.course;

@@ -1,4 +1,4 @@
-//! Orbits as files have them.
+//! Orbits in the form of files.
 
 use serde::Serialize;
 use serde_json::{Map, Value, json};
@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{simulation::Simulation, system::ContactMode};
 
-/// The names of the components of the state.
+/// Returns the names of the components of the state.
 #[must_use]
 pub fn components(simulation: &Simulation) -> Vec<String> {
     let spec = simulation.structure.spec();
@@ -21,48 +21,48 @@ pub fn components(simulation: &Simulation) -> Vec<String> {
     of("q").into_iter().chain(of("v")).chain(latched).collect()
 }
 
-/// An orbit as a file has it.
+/// Orbit in the form of a file.
 #[derive(Serialize)]
 struct Row {
     period_cycles: u64,
     word: String,
-    /// Contacts gained and impacts, over periods of the forcing: p/q.
+    /// Contacts gained and impacts, per period of the forcing: p/q.
     impacts_per_period: String,
     x: Vec<f64>,
     multipliers: Vec<[f64; 2]>,
     stable: bool,
-    /// A multiplier is so near to the unit circle that rounding may decide about `stable`.
+    /// True if a multiplier is so near to the unit circle that rounding may decide on `stable`.
     marginal: bool,
     residual: f64,
     condition: f64,
     contacts: Vec<&'static str>,
     piecewise: bool,
-    /// Where the derivative is that of one order of impacts.
+    /// Place at which the derivative is that of one order of impacts.
     #[serde(skip_serializing_if = "Option::is_none")]
     corner: Option<Value>,
-    /// An event lies on phase 0: its part of word and multipliers may be missing, or be there twice.
+    /// True if an event lies on phase 0: its part of word and multipliers may be missing, or counted twice.
     event_at_phase_0: bool,
     symmetric: bool,
-    /// Place in the list of the orbit that a symmetry of the train makes of it.
+    /// Index in the list of the orbit that a symmetry of the train maps to this one.
     #[serde(skip_serializing_if = "Option::is_none")]
     partner: Option<usize>,
     initial: Value,
 }
 
 impl Orbit {
-    /// The orbit's word, in normal form.
+    /// Returns the word of the orbit, in normal form.
     #[must_use]
     pub fn word(&self) -> String {
         text(&normal(&self.image.word))
     }
 
-    /// Contacts gained and impacts in the period.
+    /// Returns the count of contacts gained and impacts in the period.
     #[must_use]
     pub fn impacts(&self) -> usize {
         self.image.word.iter().flat_map(|token| parts(token)).filter(|token| is_gained(token)).count()
     }
 
-    /// A block of a scene that starts there.
+    /// Returns a block of a scene that starts there.
     fn initial(&self, simulation: &Simulation) -> Value {
         let structure = &simulation.structure;
         let (n, x) = (structure.freedoms(), &self.section.x);

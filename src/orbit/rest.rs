@@ -1,17 +1,17 @@
-//! Rest in a gap: a motion in which nothing happens, and from which neighbours neither come nearer nor part.
+//! Rest in a gap: a motion without events, whose neighbours neither approach it nor part from it.
 
 use nalgebra::Complex;
 
 use super::{Orbit, Section, SectionMap, unknowns::Unknowns};
 use crate::simulation::{Simulation, SimulationError};
 
-/// Roundings of the gap or the state that a cycle without events may add.
+/// Roundings of the gap or the state that a cycle without events may add up to.
 const ROUNDINGS: f64 = 64.0;
-/// Growth in a cycle of a multiplier that counts as one: two equal ones are known to the root of a rounding.
+/// Distance from 1 within which a multiplier is one: two equal ones are known to the root of a rounding.
 pub(crate) const NEUTRAL: f64 = 1e-6;
 
-/// Whether a cycle from `x` ends there, to the rounding that `cycles` before it may have added up to: a velocity that nothing damps keeps
-/// it. After 200 cycles a motion without events is some 10¹¹ cycles away from a flank then.
+/// Returns whether a cycle from `x` ends at `x`, within the rounding of `cycles` cycles before it: an undamped velocity keeps that
+/// rounding. After 200 cycles without events the motion is then some 10¹¹ cycles away from a flank.
 pub(crate) fn returns(simulation: &Simulation, x: &[f64], end: &[f64], cycles: u64) -> bool {
     let (n, omega) = (simulation.structure.freedoms(), simulation.clock().omega());
     let backlashes = simulation.structure.spec().contacts.iter().map(|c| c.half_backlash);
@@ -22,26 +22,26 @@ pub(crate) fn returns(simulation: &Simulation, x: &[f64], end: &[f64], cycles: u
     (0..n).all(|i| off(i) <= reach && off(n + i) <= reach * omega)
 }
 
-/// Whether a multiplier is one, to rounding.
+/// Returns whether a multiplier is one, within rounding.
 fn is_one(m: &Complex<f64>) -> bool {
     (m - Complex::new(1.0, 0.0)).norm() <= NEUTRAL
 }
 
 impl Orbit {
-    /// Whether it belongs to a family of rests: nothing happens along it, and all multipliers are one.
+    /// Returns whether it belongs to a family of rests: no events, and all multipliers are one.
     pub(super) fn is_rest(&self) -> bool {
         self.image.word.is_empty() && self.multipliers.len() > self.neutral && self.multipliers.iter().all(is_one)
     }
 
-    /// Writes one for a multiplier that is one but for rounding.
+    /// Sets multipliers that are one within rounding to one.
     pub(super) fn round_ones(&mut self) {
         self.multipliers.iter_mut().filter(|m| is_one(m)).for_each(|m| *m = Complex::new(1.0, 0.0));
     }
 }
 
 impl SectionMap<'_> {
-    /// The orbit of one cycle through `section`, if a train rests there in its gaps: no contact does anything, and no multiplier is off the
-    /// unit circle. Newton's method finds none, because orbits lie in families there. `cycles` were run before.
+    /// Returns the orbit of one cycle through `section`, if a train rests there in its gaps: no events, and no multiplier off the unit
+    /// circle. Newton's method finds none, because such orbits lie in families. `cycles` cycles were run before.
     ///
     /// # Errors
     /// [`SimulationError`] if the cycle fails.

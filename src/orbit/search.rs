@@ -1,4 +1,4 @@
-//! The search for periodic orbits: where Newton's method starts, and with which period.
+//! Search for periodic orbits: starts and periods of Newton's method.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -16,61 +16,61 @@ use crate::{
     task::{Progress, Task},
 };
 
-/// Longest period that is looked for unless one is named, cycles.
+/// Longest period searched for unless one is given, cycles.
 pub const LONGEST: u64 = 16;
 /// Distance, in scales, from a start within which an orbit belongs to it.
 const NEAR: f64 = 2.0;
-/// Distance, in scales, after a period from which Newton's method is not tried: an orbit near the start closes better.
+/// Distance, in scales, after a period above which Newton's method is not tried: an orbit near the start closes better.
 const RETURNED: f64 = 0.5;
-/// Steps in which Newton's method must halve the residual of a start that it is near to: it squares it there.
+/// Steps in which Newton's method must halve the residual of a near start: it converges quadratically there.
 const PATIENCE: usize = 3;
-/// Sections kept of the end of a run, among which close returns are looked for.
+/// Sections kept of the end of a run, in which close returns are searched for.
 const KEPT: usize = 2000;
-/// Starts that are solved side by side, between two looks at the task.
+/// Starts that are solved in parallel, between two checks of the task.
 const BLOCK: usize = 64;
-/// Times its condition times its residual that an orbit may be off.
+/// Bound on the error of an orbit, as a multiple of its condition times its residual.
 const UNSURE: f64 = 10.0;
-/// Cycles run at least: a run may be shorter than a few cycles in common of its forcing.
+/// Least number of cycles run: a run may be shorter than a few common cycles of its forcing.
 const LEAST_CYCLES: i64 = 8;
 /// Close returns that are tried.
 const RETURNS: usize = 24;
 
-/// What is looked for.
+/// Settings of a search.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Search {
-    /// Period, cycles; the smallest one that is found if it is not named.
+    /// Period, cycles; if absent, the smallest one that is found.
     pub period: Option<u64>,
-    /// Further starts, spread over the states that the motion takes and around them.
+    /// Number of further starts, spread over the states of the motion and around them.
     pub starts: usize,
 }
 
-/// What a search has come to, to go on from.
+/// State of a search, from which it resumes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Searched {
     /// Starts that have been tried.
     pub starts: usize,
-    /// What was found, in the order in which it was found.
+    /// Orbits in the order in which they were found.
     pub orbits: Vec<Orbit>,
-    /// The best residual, in scales, of what was not found, and why it was not.
+    /// Least residual, in scales, of the failed solutions, and the reason of the failure.
     best: Option<f64>,
     reason: Option<String>,
 }
 
-/// What was found.
+/// Result of a search.
 #[derive(Debug)]
 pub struct Found {
-    /// The orbits, in the order in which they were found.
+    /// Orbits in the order in which they were found.
     pub orbits: Vec<Orbit>,
     /// The drift of the train.
     pub drift: Drift,
-    /// Why none was found, or what ended the search before its end.
+    /// Reason for which none was found, or for which the search ended early.
     pub reason: Option<String>,
-    /// The best residual, in scales, of what was not found.
+    /// Least residual, in scales, of the failed solutions.
     pub best: f64,
 }
 
 impl Search {
-    /// Looks for orbits: from the state that the scene starts in; if there is none, from where its run leads; and from further starts.
+    /// Searches for orbits: from the start of the scene; if there is none, from the end of its run; and from further starts.
     ///
     /// # Errors
     /// [`SimulationError`] for a train without a forcing period or a start that cannot be used.
@@ -78,11 +78,11 @@ impl Search {
         self.go_on(simulation, None, &mut |_| (), task)
     }
 
-    /// The same, going on from what was kept of the same search of the same train, if anything; after each block of further starts `keep` is
-    /// given what has been found.
+    /// Does the same, resumed from `earlier` work of the same search of the same train, if any. `keep` receives the orbits found after each
+    /// block of further starts.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Errors of [`run`](Self::run).
     pub fn go_on(
         &self,
         simulation: &Simulation,
@@ -132,7 +132,7 @@ impl Search {
         Ok(found)
     }
 
-    /// From one section: the period after which it comes back, or else the first for which Newton's method converges near it.
+    /// Searches near one section: with the period after which it returns, or else the first for which Newton's method converges near it.
     fn near(&self, map: &SectionMap<'_>, start: &Section, found: &mut Found, task: Task<'_>) {
         if let Some(period) = self.period {
             let guess = FirstGuess::Start(start, period);
@@ -164,7 +164,7 @@ impl Search {
         }
     }
 
-    /// Newton's method from the start of a guess, then from all of it. Whether an orbit was found that is `near` the start.
+    /// Applies Newton's method to the start of a guess, then to all of it. Returns whether an orbit was found that is `near` the start.
     fn attempt(
         &self,
         map: &SectionMap<'_>,
@@ -193,7 +193,7 @@ impl Search {
         is_found
     }
 
-    /// Runs the scene; the last of its sections, and what ended it before its end.
+    /// Runs the scene; returns the last of its sections, and the reason for an early end.
     fn pass(
         &self,
         map: &SectionMap<'_>,
@@ -225,7 +225,7 @@ impl Search {
         Ok((sections.into(), ended))
     }
 
-    /// From the end of a run, and from its closest returns.
+    /// Searches from the end of a run, and from its closest returns.
     fn returns(&self, map: &SectionMap<'_>, passed: &[Section], found: &mut Found, task: Task<'_>) {
         let scales = map.scales_of(passed);
         let Some(last) = passed.len().checked_sub(1) else { return };
@@ -235,7 +235,7 @@ impl Search {
         };
         let apart = |m: usize, k: u64| distance(map, &passed[m], &passed[m + k as usize], &scales, &found.drift);
         let fits = |m: usize, k: u64| m + k as usize <= last;
-        // At the end first, with the shortest period that closes best.
+        // First from the end, with the shortest period that closes best.
         let mut ends: Vec<(f64, usize, u64)> = periods
             .clone()
             .filter(|k| last as u64 >= *k)
@@ -259,7 +259,7 @@ impl Search {
         }
     }
 
-    /// From further starts: states that the motion takes, and states around them.
+    /// Searches from further starts: states of the motion, and states around them.
     fn spread(
         &self,
         map: &SectionMap<'_>,
@@ -288,7 +288,7 @@ impl Search {
             let block = first..self.starts.min(first + BLOCK);
             let tried = block.end;
             let (drift, orbits) = (&found.drift, &found.orbits);
-            // What is known when a block begins is kept away from.
+            // Orbits known when a block begins are avoided.
             let known = |k: u64| {
                 let closing = orbits.iter().filter(move |orbit| k.is_multiple_of(orbit.period));
                 closing
@@ -298,7 +298,7 @@ impl Search {
             let solve = |i: usize, k: u64| {
                 let options = Options { known: &known(k), task, ..Options::default() };
                 map.solve_from(&start(i), k, drift, options).or_else(|missed| {
-                    // From states that the motion takes one after the other.
+                    // Starts from states along the motion.
                     let first = i * 7919 % passed.len();
                     let parts = map.divided();
                     let is_long = k > 1 || parts.steps() > 1;
@@ -326,14 +326,14 @@ impl Search {
     }
 }
 
-/// Where a search starts: a section and a period, or a section for each cycle of it.
+/// Start of a search: a section and a period, or a section for each cycle of the period.
 enum FirstGuess<'a> {
     Start(&'a Section, u64),
     Cycles(&'a [Section]),
 }
 
 impl FirstGuess<'_> {
-    /// The first section, and the period, cycles.
+    /// Returns the first section, and the period, cycles.
     fn start(&self) -> (&Section, u64) {
         match self {
             Self::Start(start, period) => (start, *period),
@@ -341,7 +341,7 @@ impl FirstGuess<'_> {
         }
     }
 
-    /// A section for each step of the period; `None` if the run from the start fails.
+    /// Returns a section for each step of the period; `None` if the run from the start fails.
     fn sections(&self, map: &SectionMap<'_>) -> Option<Vec<Section>> {
         let follow = |start: &Section, steps: usize| {
             let mut all = vec![start.clone()];
@@ -360,19 +360,19 @@ impl FirstGuess<'_> {
     }
 }
 
-/// 2, 3, 5, 7, …
+/// Returns the primes 2, 3, 5, 7, …
 fn primes() -> impl Iterator<Item = u64> {
     (2..).filter(|n| (2..).take_while(|d| d * d <= *n).all(|d| n % d != 0))
 }
 
 impl Found {
-    /// What is kept of it after so many further starts.
+    /// Returns the state of the search after `starts` further starts.
     fn kept(&self, starts: usize) -> Searched {
         let best = Some(self.best).filter(|best| best.is_finite());
         Searched { starts, orbits: self.orbits.clone(), best, reason: self.reason.clone() }
     }
 
-    /// Takes what Newton's method has come to.
+    /// Stores a result of Newton's method.
     fn take(&mut self, map: &SectionMap<'_>, solved: Result<Orbit, Missed>) {
         match solved {
             Ok(orbit) => self.add(map, orbit),
@@ -385,8 +385,8 @@ impl Found {
         }
     }
 
-    /// Adds an orbit that is not there yet, at any of its points, each known to its condition times its residual. A family of rests is one
-    /// orbit: any of them stands for it.
+    /// Adds an orbit if none of its points is on a known orbit, each known to its condition times its residual. A family of rests counts as
+    /// one orbit, represented by any of them.
     fn add(&mut self, map: &SectionMap<'_>, mut orbit: Orbit) {
         if orbit.is_rest() {
             orbit.round_ones();
@@ -407,7 +407,7 @@ impl Found {
         }
     }
 
-    /// As the file `orbit.json` has it.
+    /// Returns the content of the file `orbit.json`.
     #[must_use]
     pub fn report(&self, simulation: &Simulation) -> Value {
         let names = &simulation.structure.spec().freedoms;

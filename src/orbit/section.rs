@@ -1,4 +1,4 @@
-//! The map of a whole number of cycles, with its derivative.
+//! Map of a whole number of cycles, with its derivative.
 
 use crate::{
     engine::{Engine, Observer, Outcome, State},
@@ -13,71 +13,71 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{Corner, Tangent, words::Speller};
 
-/// A state at the start of a cycle: all that the motion goes on from.
+/// State at the start of a cycle, complete for the motion after it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Section {
     /// `(q, q̇, latched speeds)`, `[dim]`.
     pub x: Vec<f64>,
-    /// What each contact does.
+    /// Mode of each contact.
     pub contacts: Vec<ContactMode>,
 }
 
-/// Share of a period within which an event lies on phase 0: what rounds there may be met twice, or not at all.
+/// Share of a period within which an event lies on phase 0: by rounding, it may be found twice, or not at all.
 const EDGE: f64 = 1e-11;
 
-/// Reads a number, of which files hold `null` where it is not finite.
+/// Reads a number, which files store as `null` if it is not finite.
 pub(super) fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
 }
 
-/// Where some cycles lead from a section, and what that depends on.
+/// End of some cycles from a section, with its derivatives.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Image {
-    /// The section after them.
+    /// Section after the cycles.
     pub end: Section,
     /// The section after each cycle; the last one is `end`.
     pub between: Vec<Section>,
     /// `∂end/∂start`, `[dim, dim]`.
     pub jacobian: DMatrix<f64>,
-    /// `∂end/∂α` of each number that was asked for, `[dim, count]`.
+    /// `∂end/∂α` of each requested number, `[dim, count]`.
     pub by_number: DMatrix<f64>,
-    /// What happened, as tokens of a word that repeats from here: impacts at its end of a sequence that comes to rest at its beginning are
-    /// a part of that token.
+    /// Tokens of the events, as a word that repeats. If a sequence of impacts comes to rest at the start of the word, its impacts at the
+    /// end of the word belong to that token.
     pub word: Vec<String>,
-    /// Which latched speeds were written.
+    /// True for each latched speed that was written.
     pub latched: Vec<bool>,
-    /// Multipliers that are zero: the most that there are at one time of ranks that contacts at rest take, and of latched speeds of open
+    /// Count of zero multipliers: the largest number, at one time, of ranks that contacts at rest take and of latched speeds of open
     /// contacts, written when those close.
     pub zeros: usize,
-    /// What they are counted from.
+    /// Entries from which they are counted.
     pub(super) dead: Vec<(usize, Vec<bool>)>,
     /// `∫ div f dt + Σ ln |det|` of jumps; NaN where contacts rest or latch.
     #[serde(deserialize_with = "number")]
     pub volume: f64,
-    /// Where the map is only piecewise smooth, the first place: the derivative is that of neighbours whose impacts stay together.
+    /// First place at which the map is only piecewise smooth: the derivative is that of neighbours whose impacts stay together.
     pub corner: Option<Corner>,
-    /// An event lies on the instant of a section: rounding may have counted it twice, or left its part of the derivative out.
+    /// True if an event lies on the instant of a section: by rounding, it may be counted twice, or its part of the derivative be missing.
     pub has_event_at_section: bool,
-    /// The largest size of each component at the starts of cycles and at events.
+    /// Largest absolute value of each component at the starts of cycles and at events.
     pub sizes: Vec<f64>,
-    /// Arcs and jumps, for the rounding of it all.
+    /// Number of arcs and jumps, for an estimate of rounding.
     pub pieces: u64,
 }
 
-/// State → state over whole cycles of the forcing, from phase 0 to phase 0.
+/// Map of states over whole cycles of the forcing, from phase 0 to phase 0.
 #[derive(Clone, Copy, Debug)]
 pub struct SectionMap<'a> {
     simulation: &'a Simulation,
     /// Cycle at which it starts.
     cycle: i64,
-    /// Part of a period at which sections stand, in [0, 1).
+    /// Phase of the sections, as a share of a period, in [0, 1).
     phase: f64,
-    /// Steps in a cycle, and the number of the first: more than one step for multiple shooting only.
+    /// Number of steps in a cycle, and index of the first: more than one step for multiple shooting only.
     steps: [u64; 2],
 }
 
 impl<'a> SectionMap<'a> {
-    /// The map of `simulation`.
+    /// Returns the map of `simulation`.
     ///
     /// # Errors
     /// [`SimulationError::Missing`] for a train without a forcing period.
@@ -89,15 +89,15 @@ impl<'a> SectionMap<'a> {
             ));
         }
         let [start, ..] = simulation.instants();
-        // From a start within a cycle the next phase 0 is the first section.
+        // After a start within a cycle the next phase 0 is the first section.
         let cycle = start.cycle + i64::from(start.phase.value() > 0.0);
         Ok(Self { simulation, cycle, phase: 0.0, steps: [1, 0] })
     }
 
-    /// Whether each cycle has the forcing of the one before.
+    /// Checks that each cycle has the forcing of the one before.
     ///
     /// # Errors
-    /// [`SimulationError::Missing`], with what does not.
+    /// [`SimulationError::Missing`], naming what does not repeat.
     pub fn repeats(&self) -> Result<(), SimulationError> {
         let (clock, structure) = (self.simulation.clock(), &self.simulation.structure);
         let begins = clock.time(self.at(0)).value();
@@ -124,47 +124,47 @@ impl<'a> SectionMap<'a> {
         fault.map_or(Ok(()), |fault| Err(self.simulation.missing(fault)))
     }
 
-    /// The same map between other sections: at a part `phase` of the period, in [0, 1).
+    /// Returns the same map between sections at a share `phase` of the period, in [0, 1).
     #[must_use]
     pub fn at_phase(self, phase: f64) -> Self {
         Self { phase, ..self }
     }
 
-    /// The same map between sections that stand so many cycles later.
+    /// Returns the same map between sections that are `cycles` cycles later.
     #[must_use]
     pub(crate) fn later(self, cycles: u64) -> Self {
         Self { cycle: self.cycle + cycles as i64, ..self }
     }
 
-    /// The same map in steps of one period of the scene's clock, where these are several in a cycle: `cycles` then means steps.
+    /// Returns the same map in steps of one period of the scene's clock, if a cycle has several: `cycles` then counts steps.
     pub(super) fn divided(self) -> Self {
         Self { steps: [self.simulation.periods_per_cycle(), 0], ..self }
     }
 
-    /// The same map from step number `step` of its cycle on.
+    /// Returns the same map from step number `step` of its cycle on.
     pub(super) fn at_step(self, step: usize) -> Self {
         let [steps, _] = self.steps;
         Self { steps: [steps, step as u64 % steps], ..self }
     }
 
-    /// Steps in a cycle.
+    /// Returns the number of steps in a cycle.
     pub(super) fn steps(&self) -> usize {
         self.steps[0] as usize
     }
 
-    /// Where sections stand, as a part of the period.
+    /// Returns the phase of the sections, as a share of the period.
     #[must_use]
     pub fn phase(&self) -> f64 {
         self.phase
     }
 
-    /// The simulation.
+    /// Returns the simulation.
     #[must_use]
     pub fn simulation(&self) -> &'a Simulation {
         self.simulation
     }
 
-    /// Whether sections stand at this phase.
+    /// Returns whether `at` is at the phase of a section.
     fn is_section(&self, at: Instant) -> bool {
         let clock = self.simulation.clock();
         let off = clock.between(self.at(0), Instant { cycle: self.at(0).cycle, ..at });
@@ -172,7 +172,7 @@ impl<'a> SectionMap<'a> {
         (part - part.round()).abs() <= EDGE
     }
 
-    /// The instant of a section.
+    /// Returns the instant of a section.
     pub(crate) fn at(&self, cycles: u64) -> Instant {
         let clock = self.simulation.clock();
         let period = clock.period().map_or(0.0, |period| period.value());
@@ -181,7 +181,7 @@ impl<'a> SectionMap<'a> {
         clock.at(self.cycle + whole as i64, (self.phase + rest as f64 / steps as f64) * period)
     }
 
-    /// The section that the scene starts at.
+    /// Returns the section at which the scene starts.
     ///
     /// # Errors
     /// [`SimulationError`].
@@ -195,7 +195,7 @@ impl<'a> SectionMap<'a> {
         Ok(self.section(engine.state()))
     }
 
-    /// Runs to `end`: where the limit on events is reached before, there is no section.
+    /// Runs to `end`. An error if the limit on events is reached before: there is no section then.
     pub(super) fn advance(
         &self,
         engine: &mut Engine<'_>,
@@ -208,7 +208,7 @@ impl<'a> SectionMap<'a> {
         Ok(())
     }
 
-    /// The section of a state.
+    /// Returns the section of a state.
     #[must_use]
     pub fn section(&self, state: &State) -> Section {
         Section { x: state.x.clone(), contacts: self.contacts(&state.jump.mode) }
@@ -219,13 +219,13 @@ impl<'a> SectionMap<'a> {
         (0..structure.contact_count()).map(|j| structure.contact_mode(j, mode)).collect()
     }
 
-    /// The state to go on from.
+    /// Returns the state at a section.
     ///
     /// # Errors
     /// [`SimulationError::Start`].
     pub fn state(&self, section: &Section) -> Result<State, SimulationError> {
         let (at, structure) = (self.at(0), &self.simulation.structure);
-        // Contacts at rest stay at rest, whatever rounding has made of gap and rate.
+        // Contacts at rest stay at rest, regardless of the rounding of gap and rate.
         let rests = |j: &usize| section.contacts[*j].is_closed() && structure.contacts()[*j].spec.law.is_rigid();
         let mut resting = Mode::default();
         (0..section.contacts.len())
@@ -245,7 +245,7 @@ impl<'a> SectionMap<'a> {
         Ok(State { at, x: start.x, jump: start.jump })
     }
 
-    /// Where `cycles` cycles lead without the derivative.
+    /// Returns the section after `cycles` cycles, without the derivative.
     ///
     /// # Errors
     /// [`SimulationError`].
@@ -255,7 +255,7 @@ impl<'a> SectionMap<'a> {
         Ok(self.section(engine.state()))
     }
 
-    /// Runs `cycles` cycles from a section, watched by `observer`.
+    /// Runs `cycles` cycles from a section, with an `observer`.
     ///
     /// # Errors
     /// [`SimulationError`].
@@ -264,7 +264,7 @@ impl<'a> SectionMap<'a> {
         self.advance(&mut engine, self.at(cycles), observer)
     }
 
-    /// The next section of `other`, of the same train, that a section leads to: at once where both stand at one phase.
+    /// Returns the next section of `other`, of the same train, after a section: the section itself if both have one phase.
     ///
     /// # Errors
     /// [`SimulationError`].
@@ -277,7 +277,7 @@ impl<'a> SectionMap<'a> {
         Ok(self.section(engine.state()))
     }
 
-    /// Where `cycles` cycles lead, and the derivative.
+    /// Returns the section after `cycles` cycles, and the derivative.
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails.
@@ -285,7 +285,7 @@ impl<'a> SectionMap<'a> {
         self.image_by(section, cycles, &[])
     }
 
-    /// The same, with the derivative by numbers of the train, as `variations` have them; `section` is held.
+    /// Returns the same, with the derivative by numbers of the train according to `variations`; `section` is held.
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails.
@@ -294,7 +294,7 @@ impl<'a> SectionMap<'a> {
         self.image_spelled((section, cycles), variations, &mut speller)
     }
 
-    /// The same; `speller` has spelled what came before.
+    /// Returns the same; `speller` has spelled the events before.
     pub(super) fn image_spelled(
         &self,
         (section, cycles): (&Section, u64),

@@ -1,5 +1,5 @@
-//! Multiple shooting: an orbit as a section for each cycle of its period, all of them solved for at once. What one cycle amplifies is not
-//! amplified by the next, so that orbits are found whose whole period would amplify rounding beyond all bounds.
+//! Multiple shooting: an orbit as a section for each cycle of its period, all solved for at once. The amplification of one cycle does not
+//! multiply that of the next: orbits are found whose whole period would amplify rounding beyond all bounds.
 
 use nalgebra::{Complex, DMatrix, DVector};
 
@@ -12,25 +12,25 @@ use super::{
 };
 use crate::{simulation::SimulationError, system::Variation, tangent::zeros};
 
-/// Unknowns at most: their matrix is full, and solving it costs the cube.
+/// Most unknowns: their matrix is full, and its solution costs the cube.
 const MOST: usize = 600;
-/// Passes over the period in which the factors of its derivative turn to its invariant directions.
+/// Passes over the period that turn the factors of its derivative to its invariant directions.
 const PASSES: usize = 8;
 
-/// Where all cycles lead from their sections.
+/// Ends of all cycles from their sections.
 pub(super) struct Shots {
     sections: Vec<Section>,
     images: Vec<Image>,
-    /// All cycles as one.
+    /// All cycles as one image.
     whole: Image,
     unknowns: Unknowns,
-    /// Where each cycle ends minus where the next one starts, in scales.
+    /// End of each cycle minus the start of the next one, in scales.
     off: Vec<DVector<f64>>,
-    /// The largest of them.
+    /// Largest norm of these differences.
     residual: f64,
 }
 
-/// The images of successive steps as one, `steps` in a cycle; the word and the sizes of the last one are those of all.
+/// Returns the images of successive steps as one, with `steps` in a cycle; the word and the sizes of the last one are those of all.
 fn joined(images: &[Image], steps: usize) -> Option<Image> {
     let (mut whole, last) = (images.first()?.clone(), images.last()?);
     (whole.word, whole.sizes) = (last.word.clone(), last.sizes.clone());
@@ -51,7 +51,7 @@ fn joined(images: &[Image], steps: usize) -> Option<Image> {
     Some(whole)
 }
 
-/// `J_i y_i − y_{i+1}` for all cycles, the last one followed by the first, as a matrix over all y.
+/// Returns `J_i y_i − y_{i+1}` for all cycles, the last one followed by the first, as a matrix over all y.
 fn cyclic(factors: &[DMatrix<f64>]) -> DMatrix<f64> {
     let (cycles, m) = (factors.len(), factors.first().map_or(0, DMatrix::nrows));
     let mut matrix = DMatrix::zeros(cycles * m, cycles * m);
@@ -78,7 +78,7 @@ impl Shots {
             let images = sections.iter().enumerate().map(image).collect::<Result<Vec<_>, _>>()?;
             let whole = joined(&images, map.steps())
                 .ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
-            // A latched speed that no cycle writes is no unknown, and stays what it is all the way round.
+            // A latched speed that no cycle writes is no unknown and keeps its value over the period.
             let unwritten = (0..whole.latched.len()).filter(|i| !whole.latched[*i]).map(|i| moving + i);
             let kept: Vec<(usize, f64)> = unwritten.map(|i| (i, sections[0].x[i])).collect();
             if sections.iter().all(|section| kept.iter().all(|(i, speed)| section.x[*i] == *speed)) {
@@ -94,12 +94,12 @@ impl Shots {
         Ok(Self { sections, images, whole, unknowns, off, residual })
     }
 
-    /// The derivative of each cycle, in unknowns.
+    /// Returns the derivative of each cycle, in unknowns.
     pub fn factors(&self) -> Vec<DMatrix<f64>> {
         self.images.iter().map(|image| self.unknowns.reduced(&image.jacobian)).collect()
     }
 
-    /// Newton's step of each section.
+    /// Returns Newton's step of each section.
     fn step(&self) -> Option<Vec<DVector<f64>>> {
         let m = self.unknowns.count();
         let off = DVector::from_iterator(self.off.len() * m, self.off.iter().flat_map(|off| off.iter().map(|o| -o)));
@@ -108,7 +108,7 @@ impl Shots {
         step.iter().all(|s| s.is_finite()).then_some(parts)
     }
 
-    /// The sections after a share of the step. What contacts do there is what the cycle before left them doing.
+    /// Returns the sections after a share of the step, with the modes of contacts at the end of the cycle before.
     fn moved(&self, step: &[DVector<f64>], share: f64) -> Vec<Section> {
         let before = self.images.iter().cycle().skip(self.images.len() - 1);
         let each = self.sections.iter().zip(step).zip(before);
@@ -122,7 +122,7 @@ impl Shots {
 }
 
 impl SectionMap<'_> {
-    /// The orbit near `trail`, which has a section for each step of the period: for each cycle, unless the map is a divided one.
+    /// Returns the orbit near `trail`, which has a section for each step of the period: for each cycle, unless the map is divided.
     ///
     /// # Errors
     /// [`Missed`], if Newton's method does not converge, or if the period has more than 600 unknowns.
@@ -130,7 +130,7 @@ impl SectionMap<'_> {
         self.shoot_from(trail, drift, Options::default())
     }
 
-    /// The same, with `options` but known orbits.
+    /// Returns the same, with `options` but known orbits.
     pub(super) fn shoot_from(
         &self,
         trail: &[Section],
@@ -182,7 +182,7 @@ impl SectionMap<'_> {
         Err(missed(now.residual, "Newton's method does not converge"))
     }
 
-    /// The orbit that has been found, with its smallest period.
+    /// Returns the orbit from converged shots, with its smallest period.
     fn assemble(&self, shots: Shots, drift: &Drift) -> Result<Orbit, Missed> {
         let cycles = shots.sections.len();
         let mut next = shots.sections.iter().cycle().skip(1);
@@ -202,17 +202,17 @@ impl SectionMap<'_> {
         Ok(Orbit::of(sections.swap_remove(0), whole, (&unknowns, &factors), residual, condition.recip()))
     }
 
-    /// How the start of an orbit moves with numbers of the train, `[dim, count]`; a drifting body stays where it is. For each cycle
-    /// `J_i dx_i − dx_{i+1} = −∂x_{i+1}/∂α`.
+    /// Returns the derivative of the start of an orbit by numbers of the train, `[dim, count]`; a drifting body keeps its place. For each
+    /// cycle `J_i dx_i − dx_{i+1} = −∂x_{i+1}/∂α`.
     ///
     /// # Errors
-    /// [`SimulationError`] if the run fails; [`SimulationError::Missing`] where a multiplier is 1 and the orbit does not go on.
+    /// [`SimulationError`] if the run fails; [`SimulationError::Missing`] if a multiplier is 1 and the orbit ends.
     pub fn orbit_by(&self, orbit: &Orbit, variations: &[Variation]) -> Result<DMatrix<f64>, SimulationError> {
         let mut sections = orbit.image.between.clone();
         sections.rotate_right(1);
         sections[0] = orbit.section.clone();
         let Shots { images, whole, unknowns, .. } = Shots::new(self, sections, variations, &self.drift())?;
-        // A long period that was found as a whole is solved for as a whole.
+        // A long period that was found as a whole is solved as a whole.
         let images = if images.len() * unknowns.count() > MOST { vec![whole] } else { images };
         let factors: Vec<_> = images.iter().map(|image| unknowns.reduced(&image.jacobian)).collect();
         let m = unknowns.count();
@@ -229,9 +229,9 @@ impl SectionMap<'_> {
     }
 }
 
-/// The eigenvalues of the product of `factors`, the first one applied first. The product would lose what is small beside its largest entry:
-/// its factors are made triangular one after the other, `J Q = Q' R`, and the product of triangles keeps each row's own digits (after the
-/// periodic QR of Bojanczyk, Golub and Van Dooren 1992).
+/// Returns the eigenvalues of the product of `factors`, the first one applied first. The product would lose entries small beside its
+/// largest. Its factors are made triangular one after the other, `J Q = Q' R`. The product of triangles keeps the digits of each row (after
+/// the periodic QR of Bojanczyk, Golub and Van Dooren 1992).
 pub(super) fn eigenvalues(factors: &[DMatrix<f64>]) -> Vec<Complex<f64>> {
     let Some(size) = factors.first().map(DMatrix::nrows) else { return Vec::new() };
     if let [factor] = factors {

@@ -1,4 +1,4 @@
-//! The kind of a motion whose forcing repeats too late to wait for.
+//! Kind of a motion whose forcing has no cycle, or too long a one.
 
 use super::{
     Approached, Kind, Motion, SectionMap, Watching,
@@ -11,12 +11,12 @@ use crate::{
     task::Task,
 };
 
-/// Doublings beyond those of a motion whose sections are compared too: a period of the clock is short against the cycle of the forcing.
+/// Further doublings beside those of a motion whose sections are compared: a period of the clock is short against the cycle of the forcing.
 const MORE: u32 = 3;
 
-/// Decides the kind of a motion whose forcing has no cycle that could be waited for, as `why` tells, by the largest exponent and weighted
-/// averages over periods of the clock. Neighbours that come together follow the forcing: the motion is a torus. `None` if the run is
-/// broken off.
+/// Decides the kind of a motion whose forcing has no cycle, or too long a one, as `why` states. It uses the largest exponent and weighted
+/// averages over periods of the clock. Neighbours that approach each other follow the forcing: the motion is a torus. `None` if the run is
+/// interrupted.
 ///
 /// # Errors
 /// [`SimulationError`] if the run fails.
@@ -53,12 +53,12 @@ pub fn decide_on_torus<'s>(
         let Figures { exponent, band, .. } = figures;
         motion.exponent = Some([exponent, band]).filter(|e| e.iter().all(|e| e.is_finite()));
         let closes = exponent + BANDS * band < 0.0;
-        // A slow decay of a speed that moves no contact may last longer than any run: averages tell that the rest has settled.
+        // A slow decay of a speed that moves no contact may outlast any run: averages show that all other coordinates have settled.
         let has_settled = exponent * period * watched.rows.len() as f64 <= -PARTED || figures.digits >= REGULAR;
         if closes && has_settled || figures.is_regular(period) {
             return ends(motion, Kind::QuasiPeriodic, why.to_owned());
         }
-        // Neighbours on a torus part in proportion to time, never by so much: the averages of intermittent chaos need not scatter.
+        // Neighbours on a torus part in proportion to time, never so far: the averages of intermittent chaos need not scatter.
         let parts = doubled == doublings && figures.parts() && figures.whole > DETERMINED;
         if parts || figures.is_chaotic(period, doubled == doublings) {
             return ends(motion, Kind::Chaotic, why.to_owned());

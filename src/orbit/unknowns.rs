@@ -1,4 +1,4 @@
-//! What Newton's method solves for: the components of a section that return, in scales; what drifts is left out.
+//! Unknowns of Newton's method: the components of a section that return, in scales, without drift.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -8,26 +8,26 @@ use super::{
 };
 use crate::{gear::Stiffness, simulation::Simulation, system::ContactSpec};
 
-/// Why a search ends at once.
+/// Reason for which a search ends at once.
 pub(super) const ACCELERATES: &str =
     "the train as a whole has no drag, and a constant load pushes it: it accelerates for ever";
 /// A constant load along a drift below this share of its terms is rounding.
 const BALANCED: f64 = 1e-12;
-/// Share of the largest singular value below which a direction meets no spring and no contact.
+/// Share of the largest singular value below which a direction strains no spring and no contact.
 const UNFELT: f64 = 1e-10;
-/// Share of a half backlash that a displacement counts as at least.
+/// Least size of a displacement, as a share of half a backlash.
 const LEAST: f64 = 1e-9;
 
-/// Directions in which a whole train moves without any spring or contact: they do not return, and are left out of the unknowns.
+/// Directions in which a whole train moves without any spring or contact: they do not return, and are no unknowns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drift {
     /// Displacements, orthogonal, `[n]` each.
     pub directions: Vec<Vec<f64>>,
-    /// Whether speeds along each are free as well: no damper acts on it.
+    /// True if no damper acts along the direction, so that speeds along it are free as well.
     pub is_free: Vec<bool>,
 }
 
-/// The part of displacements `y` along a drift, by the mass.
+/// Returns the part of displacements `y` along a drift, weighted by the mass.
 fn drift_share(simulation: &Simulation, direction: &[f64], y: &[f64]) -> f64 {
     let mass = &simulation.structure.spec().mass;
     let weigh = |y: &[f64]| -> f64 {
@@ -37,7 +37,7 @@ fn drift_share(simulation: &Simulation, direction: &[f64], y: &[f64]) -> f64 {
 }
 
 impl Drift {
-    /// Whether a constant load pushes what no damper holds.
+    /// Returns whether a constant load pushes along an undamped drift.
     pub(super) fn accelerates(&self, simulation: &Simulation) -> bool {
         let load = &simulation.structure.spec().load;
         self.directions.iter().zip(&self.is_free).filter(|(_, is_free)| **is_free).any(|(direction, _)| {
@@ -46,7 +46,7 @@ impl Drift {
         })
     }
 
-    /// Moves `section` along the drift to where `start` is.
+    /// Moves `section` along the drift to the place of `start`.
     pub(super) fn take_back(&self, simulation: &Simulation, section: &mut Section, start: &Section) {
         let n = simulation.structure.freedoms();
         for direction in &self.directions {
@@ -57,7 +57,7 @@ impl Drift {
     }
 }
 
-/// How far two sections are apart, in scales, without what drifts and without latched speeds.
+/// Returns the distance of two sections, in scales, without drift and latched speeds.
 pub(crate) fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
     let n = map.simulation().structure.freedoms();
     let mut off: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| b - a).collect();
@@ -71,7 +71,7 @@ pub(crate) fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &
 }
 
 impl SectionMap<'_> {
-    /// The drift of the train: null vectors of K that no contact feels.
+    /// Returns the drift of the train: null vectors of K that strain no contact.
     #[must_use]
     pub fn drift(&self) -> Drift {
         let spec = self.simulation().structure.spec();
@@ -105,13 +105,13 @@ impl SectionMap<'_> {
         drift
     }
 
-    /// Scales of the components from their `sizes`, `[dim]`: one of all displacements, one of all velocities, one of each latched speed.
+    /// Returns the scales of the components from their `sizes`, `[dim]`: one each of displacements, of velocities, of each latched speed.
     pub(crate) fn scales(&self, sizes: &[f64]) -> Vec<f64> {
         let n = self.simulation().structure.freedoms();
         let backlash = self.simulation().structure.spec().contacts.iter().map(|c| c.half_backlash).fold(0.0, f64::max);
         let omega = self.simulation().clock().omega();
         let largest = |sizes: &[f64]| sizes.iter().fold(0.0, |m: f64, s| m.max(*s));
-        // Sections alone may find displacements or velocities at zero: each is worth the other times the frequency.
+        // Displacements or velocities may be zero at sections: each size is at least the other one converted by the frequency.
         let (q, v) = (largest(&sizes[..n]).max(LEAST * backlash), largest(&sizes[n..2 * n]));
         let q = q.max(v / omega).max(f64::MIN_POSITIVE);
         let v = v.max(omega * q);
@@ -119,7 +119,7 @@ impl SectionMap<'_> {
         std::iter::repeat_n(q, n).chain(std::iter::repeat_n(v, n)).chain(latched).collect()
     }
 
-    /// Scales from the states of some sections.
+    /// Returns the scales from the states of some sections.
     pub(crate) fn scales_of(&self, sections: &[Section]) -> Vec<f64> {
         let dim = sections.first().map_or(0, |section| section.x.len());
         let size = |i: usize| sections.iter().map(|section| section.x[i].abs()).fold(0.0, f64::max);
@@ -127,17 +127,17 @@ impl SectionMap<'_> {
     }
 }
 
-/// The unknowns `y = Bᵀ S⁻¹ x`: S the scales, B an orthonormal basis of what neither drifts nor stays as it is.
+/// Unknowns `y = Bᵀ S⁻¹ x`: S the scales, B an orthonormal basis of the components that neither drift nor stay constant.
 #[derive(Clone, Debug)]
 pub(crate) struct Unknowns {
-    /// S, `[dim]`.
+    /// Scales S, `[dim]`.
     pub scales: Vec<f64>,
-    /// B, `[dim, unknowns]`.
+    /// Basis B, `[dim, unknowns]`.
     basis: DMatrix<f64>,
 }
 
 impl Unknowns {
-    /// Of a motion whose `image` is known.
+    /// Returns the unknowns of a motion with a known `image`.
     pub fn new(map: &SectionMap<'_>, image: &Image, drift: &Drift) -> Self {
         let scales = map.scales(&image.sizes);
         let (n, dim) = (map.simulation().structure.freedoms(), scales.len());
@@ -156,7 +156,7 @@ impl Unknowns {
         let left_out = out.len();
         for column in out.into_iter().chain((0..dim).map(|i| DVector::from_fn(dim, |k, _| f64::from(u8::from(k == i)))))
         {
-            // Of length one, however large the scales are.
+            // Normalised, however large the scales are.
             let mut left = column.normalize();
             for _ in 0..2 {
                 basis.iter().for_each(|b| left -= b * b.dot(&left));
@@ -170,43 +170,43 @@ impl Unknowns {
         Self { basis: DMatrix::from_fn(dim, kept.len(), |i, l| kept[l][i]), scales }
     }
 
-    /// How many there are.
+    /// Returns the number of unknowns.
     pub fn count(&self) -> usize {
         self.basis.ncols()
     }
 
-    /// `to − from` of two states.
+    /// Returns `to − from` of two states, in unknowns.
     pub fn between(&self, from: &[f64], to: &[f64]) -> DVector<f64> {
         self.basis.transpose() * DVector::from_fn(self.scales.len(), |i, _| (to[i] - from[i]) / self.scales[i])
     }
 
-    /// A derivative of states by something else, `[dim, count]`, in unknowns.
+    /// Returns a derivative of states, `[dim, count]`, in unknowns.
     pub fn columns(&self, derivative: &DMatrix<f64>) -> DMatrix<f64> {
         self.basis.transpose()
             * DMatrix::from_fn(derivative.nrows(), derivative.ncols(), |i, l| derivative[(i, l)] / self.scales[i])
     }
 
-    /// A derivative of states by states, `[dim, dim]`, in unknowns.
+    /// Returns a derivative of states by states, `[dim, dim]`, in unknowns.
     pub fn reduced(&self, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
         self.columns(&DMatrix::from_fn(jacobian.nrows(), jacobian.ncols(), |i, j| jacobian[(i, j)] * self.scales[j]))
             * &self.basis
     }
 
-    /// A change of the state from one of the unknowns: `S B y`.
+    /// Returns the change of the state from one of the unknowns: `S B y`.
     pub fn lifted(&self, y: &DVector<f64>) -> DVector<f64> {
         let mut x = &self.basis * y;
         x.iter_mut().zip(&self.scales).for_each(|(x, scale)| *x *= scale);
         x
     }
 
-    /// A row over unknowns as a row over states: `S⁻¹ B r`.
+    /// Returns a row over states from one over unknowns: `S⁻¹ B r`.
     pub fn row(&self, row: &DVector<f64>) -> DVector<f64> {
         let mut over = &self.basis * row;
         over.iter_mut().zip(&self.scales).for_each(|(r, scale)| *r /= scale);
         over
     }
 
-    /// A row over states as a row over unknowns: `Bᵀ S r`.
+    /// Returns a row over unknowns from one over states: `Bᵀ S r`.
     pub fn row_of(&self, row: &DVector<f64>) -> DVector<f64> {
         self.basis.transpose() * DVector::from_fn(self.scales.len(), |i, _| row[i] * self.scales[i])
     }

@@ -1,8 +1,8 @@
-//! Words: what happens along a motion, in the order of time.
+//! Words: the events of a motion in the order of time.
 //!
 //! A token is a kind, the number of a contact and its side: `c0+`. The kinds: `c` contact gained, `s` lost as the deflection is zero, `r`
 //! lost as the force is zero, `a` gained again inside the zone, `x` left the zone, `i` impact, `z` comes to rest, `l` released from rest.
-//! Tokens of one instant stand sorted in brackets.
+//! Tokens of one instant are sorted in brackets.
 
 use std::{collections::BTreeMap, ops::ControlFlow};
 
@@ -15,7 +15,7 @@ use crate::{
     system::{ContactMode, Structure},
 };
 
-/// The token of a contact that goes from `was` to `is`; `None` where nothing happens that has a name.
+/// Returns the token of a contact that changes from `was` to `is`; `None` without an event of a token.
 pub(crate) fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool) -> Option<String> {
     use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
     let side = if is == Separated { was.side() } else { is.side() };
@@ -37,42 +37,42 @@ pub(crate) fn spelled(kind: char, j: usize, side: f64) -> String {
     format!("{kind}{j}{}", if side > 0.0 { '+' } else { '-' })
 }
 
-/// The smallest rotation of a word, by the order of its tokens (Booth 1980 does it in linear time; words are short).
+/// Returns the smallest rotation of a word, by the order of its tokens (Booth 1980 does it in linear time; words are short).
 #[must_use]
 pub fn normal(tokens: &[String]) -> Vec<String> {
     let rotation = |start: &usize| tokens[*start..].iter().chain(&tokens[..*start]).cloned().collect::<Vec<_>>();
     (0..tokens.len()).map(|start| rotation(&start)).min().unwrap_or_default()
 }
 
-/// The tokens as one text.
+/// Returns the tokens as one text.
 #[must_use]
 pub fn text(tokens: &[String]) -> String {
     tokens.join(" ")
 }
 
-/// The tokens of a word without brackets.
+/// Returns the tokens of a word without brackets.
 pub(crate) fn parts(word: &str) -> impl Iterator<Item = &str> {
     word.split(['[', ']', ' ']).filter(|part| !part.is_empty())
 }
 
-/// The same in alphabetic order: events of one instant may be told apart by rounding.
+/// Returns the tokens in alphabetic order: rounding may decide on the order of events of one instant.
 pub(crate) fn sorted<'a>(words: impl IntoIterator<Item = &'a String>) -> Vec<&'a str> {
     let mut parts: Vec<&str> = words.into_iter().flat_map(|word| parts(word)).collect();
     parts.sort_unstable();
     parts
 }
 
-/// Whether a token is that of a contact gained or of an impact.
+/// Returns whether a token is that of a contact gained, an impact or a rest.
 pub(crate) fn is_gained(token: &str) -> bool {
     token.starts_with(['c', 'i', 'z'])
 }
 
-/// The sequence of the words of cycles, and what it tells.
+/// Sequence of the words of cycles.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Sequence {
-    /// The words that occurred, and how often.
+    /// Words that occurred, with their counts.
     words: Vec<(String, u64)>,
-    /// Their numbers, cycle by cycle.
+    /// Indices of the words, cycle by cycle.
     order: Vec<u32>,
 }
 
@@ -81,20 +81,20 @@ pub struct Sequence {
 pub struct Statistics {
     /// Cycles read.
     pub cycles: u64,
-    /// Contacts gained and impacts in a cycle, on average.
+    /// Mean number of contacts gained and impacts per cycle.
     pub contacts_per_cycle: f64,
-    /// Different words of a cycle.
+    /// Number of different words of a cycle.
     pub different: usize,
-    /// The most frequent ones, with their shares.
+    /// Most frequent words, with their shares.
     pub most_frequent: Vec<(String, f64)>,
-    /// Entropy of the sequence, nats per cycle: how much a word is still unknown when those of `memory` cycles before it are known. At most
-    /// the sum of the positive exponents times the period (Ruelle 1978).
+    /// Entropy of the sequence, nats per cycle: uncertainty of a word if those of `memory` cycles before it are known. At most the sum of
+    /// the positive exponents times the period (Ruelle 1978).
     pub entropy: f64,
-    /// Words known before.
+    /// Number of words known before.
     pub memory: usize,
 }
 
-/// Words named in a file.
+/// Most words named in a file.
 const NAMED: usize = 12;
 
 impl Sequence {
@@ -113,7 +113,7 @@ impl Sequence {
         self.order.push(place as u32);
     }
 
-    /// Entropy of the blocks of `length` words, nats, with the correction of Miller and Madow for its bias; and how many differ.
+    /// Returns the entropy of the blocks of `length` words, nats, with the bias correction of Miller and Madow; and how many blocks differ.
     fn block_entropy(&self, length: usize) -> (f64, usize) {
         let mut counts: BTreeMap<&[u32], u64> = BTreeMap::new();
         self.order.windows(length).for_each(|block| *counts.entry(block).or_default() += 1);
@@ -122,7 +122,7 @@ impl Sequence {
         (entropy + (counts.len() as f64 - 1.0) / (2.0 * total as f64), counts.len())
     }
 
-    /// What the sequence tells. Blocks are as long as a tenth of the cycles allows for their number.
+    /// Returns the statistics of the sequence. Blocks are as long as a tenth of the cycles allows for their number.
     #[must_use]
     pub fn statistics(&self) -> Statistics {
         let (mut memory, mut entropy, mut before) = (0, 0.0, 0.0);
@@ -149,27 +149,27 @@ impl Sequence {
     }
 }
 
-/// Words of a block at most.
+/// Longest block, words.
 const LONGEST_BLOCK: usize = 12;
 
-/// One event of one contact.
+/// Event of one contact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Letter {
     /// Its token.
     pub token: String,
-    /// Which contact.
+    /// Index of the contact.
     pub contact: usize,
-    /// When.
+    /// Instant of the event.
     pub at: Instant,
-    /// Rate of the contact's deflection before it, m/s.
+    /// Rate of the contact's deflection before the event, m/s.
     pub rate: f64,
     /// Number of the event: letters of one event stand in brackets.
     event: usize,
-    /// It ends a sequence of impacts.
+    /// True if it ends a sequence of impacts.
     ends: bool,
 }
 
-/// What a jump is called: for each contact that it changes, its token.
+/// Returns the tokens of a jump, one for each contact that it changes, with the index of the contact.
 pub(crate) fn letters<'a>(structure: &'a Structure, jumped: &'a Jumped<'a>) -> impl Iterator<Item = (usize, String)> {
     structure.contacts().iter().enumerate().filter_map(|(j, c)| {
         let (was, is) = (structure.contact_mode(j, &jumped.from.mode), structure.contact_mode(j, &jumped.to.mode));
@@ -183,7 +183,7 @@ pub(crate) fn letters<'a>(structure: &'a Structure, jumped: &'a Jumped<'a>) -> i
     })
 }
 
-/// The tokens of letters: those of one event in brackets.
+/// Returns the tokens of letters: those of one event in brackets.
 fn spell(letters: &[Letter]) -> Vec<String> {
     let token = |event: &[Letter]| match event {
         [single] => single.token.clone(),
@@ -195,16 +195,16 @@ fn spell(letters: &[Letter]) -> Vec<String> {
     letters.chunk_by(|a, b| a.event == b.event).map(token).collect()
 }
 
-/// Spells the motion that it watches.
+/// Observer that spells the motion.
 #[derive(Debug)]
 pub(crate) struct Speller<'s> {
     structure: &'s Structure,
-    /// Letters of the event that is open.
+    /// Letters of the present event.
     open: Vec<Letter>,
     events: usize,
     /// The letters of all events.
     pub letters: Vec<Letter>,
-    /// The largest size of each component of the state so far.
+    /// Largest absolute value so far of each component of the state.
     pub sizes: Vec<f64>,
 }
 
@@ -214,26 +214,26 @@ impl<'s> Speller<'s> {
         Self { structure, open: Vec::new(), events: 0, letters: Vec::new(), sizes }
     }
 
-    /// Takes the sizes of a state into account.
+    /// Updates the sizes by those of a state.
     pub fn meet(&mut self, x: &[f64]) {
         self.sizes.iter_mut().zip(x).for_each(|(size, x)| *size = size.max(x.abs()));
     }
 
-    /// The tokens since they were taken last.
+    /// Returns the tokens since the last call, and clears them.
     pub fn take(&mut self) -> Vec<String> {
         let tokens = self.tokens();
         self.letters.clear();
         tokens
     }
 
-    /// The tokens up to now.
+    /// Returns the tokens so far.
     pub fn tokens(&mut self) -> Vec<String> {
         self.close();
         spell(&self.letters)
     }
 
-    /// The tokens up to now of a motion that repeats from here: where a contact first comes to rest, the impacts of the sequence that ends so
-    /// stand at the end of the word, and are a part of that token.
+    /// Returns the tokens so far of a motion that repeats. If a contact first comes to rest, the impacts before that at the end of the word
+    /// are a part of its token.
     pub fn repeating(&mut self) -> Vec<String> {
         self.close();
         let mut letters = self.letters.clone();
@@ -286,7 +286,7 @@ impl Observer for Speller<'_> {
             self.open.clear();
         }
         if let Some(accumulation) = record.accumulation {
-            // The impacts of the sequence, the last ones of their contact, are one token: that of its end.
+            // The impacts of the sequence, the last ones of their contact, become one token: that of its end.
             for (contact, watch) in record.fired.iter().map(|id| self.structure.watch(id)) {
                 self.open.iter_mut().filter(|letter| letter.contact == contact).for_each(|letter| letter.ends = true);
                 let impact = spelled('i', contact, watch.side());

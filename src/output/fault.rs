@@ -2,26 +2,26 @@ use std::fmt;
 
 use super::visible;
 
-/// One thing wrong in a scene, or in the arguments of a command.
+/// Fault of a scene, or of the arguments of a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Where: a JSON pointer such as `/train/contacts/0/law/kind`, empty for the whole scene, or an argument as it was written.
+    /// Place: a JSON pointer such as `/train/contacts/0/law/kind`, empty for the whole scene, or an argument as it was written.
     pub pointer: String,
-    /// What stands there.
+    /// Value or fact found there.
     pub found: String,
-    /// What may stand there.
+    /// Values or facts allowed there.
     pub allowed: String,
-    /// What to do about it.
+    /// Remedy; empty if none is known.
     pub remedy: String,
 }
 
 impl Fault {
-    /// A fault without a remedy.
+    /// Returns a fault without a remedy.
     pub fn new(pointer: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
         Self { pointer: pointer.to_owned(), found: found.into(), allowed: allowed.into(), remedy: String::new() }
     }
 
-    /// The same fault with a remedy.
+    /// Returns the same fault with a remedy.
     #[must_use]
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = remedy.into();

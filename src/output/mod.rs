@@ -1,8 +1,8 @@
-//! Folders that commands write into, and fields of tables. What is not Flank's in a folder stays as it is.
+//! Folders of the output of commands, and fields of tables. Foreign files in a folder are not changed.
 //!
-//! The manifest, `flank-manifest.json`, names every file that a command writes, before the file is created: a killed command leaves
-//! it too. A later command replaces what the manifest names and nothing else. A file that is being written lies beside its
-//! place with `.part` behind its name; the entry of the manifest stands for both.
+//! The manifest, `flank-manifest.json`, names every file that a command writes, before the file is created: a killed command leaves it too.
+//! A later command replaces only files in the manifest. A file that is being written has `.part` behind its name; one entry of the manifest
+//! covers both.
 
 mod fault;
 mod text;
@@ -25,20 +25,20 @@ pub(crate) use text::{in_a_line, number};
 /// Name of the manifest, a JSON object: version of Flank, command, files relative to the folder with `/`.
 const MANIFEST: &str = "flank-manifest.json";
 
-/// Why a folder cannot be written into.
+/// Reason why a folder cannot be written into.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OutputError {
-    /// It holds something.
+    /// The folder is not empty.
     #[error("{0} is not empty")]
     Occupied(PathBuf),
-    /// It is a file.
+    /// The path is a file.
     #[error("{0} is a file, not a folder")]
     NoFolder(PathBuf),
-    /// A file, folder or link that no manifest names has the name of an output.
+    /// A file, folder or link that is in no manifest has the name of an output.
     #[error("{0} is in the way: {MANIFEST} does not name it as a file of an earlier command")]
     Foreign(PathBuf),
-    /// Another command is writing there.
+    /// Another command is writing into the folder.
     #[error("another command is writing into {0}")]
     InUse(PathBuf),
     /// The manifest names the input of the command.
@@ -52,22 +52,22 @@ pub enum OutputError {
     File(PathBuf, io::Error),
 }
 
-/// What a command is going to write, and where.
+/// Request of a command to write files into a folder.
 #[derive(Debug)]
 pub struct Request<'a> {
     /// The folder.
     pub folder: &'a Path,
     /// The command.
     pub command: &'a str,
-    /// A file that the command reads: never replaced.
+    /// File that the command reads: never replaced.
     pub input: Option<&'a Path>,
-    /// Replace what a manifest names.
+    /// True if files that a manifest names may be replaced.
     pub force: bool,
     /// Every file that may be written, relative to the folder with `/`.
     pub files: Vec<String>,
 }
 
-/// A folder that a command writes into, and its manifest.
+/// Folder that a command writes into, with its manifest.
 #[derive(Debug, Deserialize, Serialize)]
 pub struct Folder {
     #[serde(skip)]
@@ -78,13 +78,13 @@ pub struct Folder {
     /// Order of `files`: that of the request. Files are not always written in the same order.
     #[serde(skip)]
     order: Vec<String>,
-    /// The folder itself, locked for as long as this lives; none where a file system has no locks.
+    /// Folder, locked during the life of this value; none if a file system has no locks.
     #[serde(skip)]
     lock: Option<Lock>,
 }
 
 impl Request<'_> {
-    /// The folder as it is, nothing changed.
+    /// Checks the request and returns the folder, nothing changed.
     ///
     /// # Errors
     /// [`OutputError`] if the folder is a file, or is not empty and `force` is not set, if a file is in the way, or if the manifest
@@ -98,7 +98,7 @@ impl Request<'_> {
         }
         let path = self.folder.join(MANIFEST);
         let mut folder = match (found(&path), part(&path)) {
-            // What a killed command left of its first manifest is a file.
+            // A first manifest that a killed command left is a file.
             (None, part) if found(&part).is_some_and(|data| !data.is_file()) => return Err(OutputError::Foreign(part)),
             (None, _) => Folder::new(self.command),
             (Some(data), _) if !data.is_file() => return Err(OutputError::Foreign(path)),
@@ -122,10 +122,10 @@ impl Request<'_> {
         Ok(folder)
     }
 
-    /// Opens the folder, created if need be, and removes what its manifest names.
+    /// Opens the folder, created if missing, and removes the files of its manifest.
     ///
     /// # Errors
-    /// As [`check`](Self::check), nothing changed then; [`OutputError::File`] if a file cannot be removed.
+    /// Errors of [`check`](Self::check), nothing changed then; [`OutputError::File`] if a file cannot be removed.
     pub fn open(&self) -> Result<Folder, OutputError> {
         let mut folder = self.lock()?;
         folder.clear(self.command, &[])?;
@@ -133,15 +133,15 @@ impl Request<'_> {
         Ok(folder)
     }
 
-    /// The folder, created if need be, locked, and otherwise as it is.
+    /// Returns the folder, created if missing, locked, and otherwise unchanged.
     ///
     /// # Errors
-    /// As [`check`](Self::check); [`OutputError::InUse`] if another command writes into it.
+    /// Errors of [`check`](Self::check); [`OutputError::InUse`] if another command writes into it.
     pub fn lock(&self) -> Result<Folder, OutputError> {
         self.check()?;
         fs::create_dir_all(self.folder).map_err(failed(self.folder))?;
         let mut waited = Duration::ZERO;
-        // A file system without locks: nothing better can be had there.
+        // A file system without locks offers no alternative.
         let lock = loop {
             let Ok(folder) = File::open(self.folder) else { break None };
             match folder.try_lock() {
@@ -154,14 +154,14 @@ impl Request<'_> {
                 Err(TryLockError::Error(_)) => break None,
             }
         };
-        // What another command has done since is seen only now.
+        // Changes by other commands since then are visible only now.
         Ok(Folder { lock, ..self.check()? })
     }
 
-    /// Opens the folder with what an earlier run of the same command left, to go on with it; `force` has to be set.
+    /// Opens the folder with the files of an earlier run of the same command, to resume it; `force` must be set.
     ///
     /// # Errors
-    /// As [`lock`](Self::lock); [`OutputError::Occupied`] if another command wrote into it.
+    /// Errors of [`lock`](Self::lock); [`OutputError::Occupied`] if another command wrote into it.
     pub fn reopen(&self) -> Result<Folder, OutputError> {
         let mut folder = self.lock()?;
         if folder.command != self.command {
@@ -175,20 +175,20 @@ impl Request<'_> {
 
 /// Time for which a command waits for another one that writes into its folder, ms.
 static WAIT: AtomicU64 = AtomicU64::new(0);
-/// Pause between two looks at a lock.
+/// Pause between two checks of a lock.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Makes commands wait so long for others that write into their folders.
+/// Makes commands wait up to this time for others that write into their folders.
 pub fn wait_for_others(time: Duration) {
     WAIT.store(u64::try_from(time.as_millis()).unwrap_or(u64::MAX), Ordering::Relaxed);
 }
 
-/// A folder that is locked.
+/// Locked folder.
 #[derive(Debug)]
 struct Lock(File);
 
 impl Drop for Lock {
-    /// Gives the lock back at once: a process that is just being started may hold a copy of the file for a moment.
+    /// Releases the lock at once: a process that is just being started may hold a copy of the file for a moment.
     fn drop(&mut self) {
         let _ = self.0.unlock();
     }
@@ -200,7 +200,7 @@ impl Folder {
         Self { path: PathBuf::new(), flank, command, files: Vec::new(), order: Vec::new(), lock: None }
     }
 
-    /// Removes what the manifest names, `kept` apart, and starts a manifest of `command`.
+    /// Removes the files of the manifest, except `kept`, and starts a manifest of `command`.
     pub(crate) fn clear(&mut self, command: &str, kept: &[&str]) -> Result<(), OutputError> {
         for name in self.files.iter().filter(|name| !kept.contains(&name.as_str())) {
             let path = self.place(name)?;
@@ -221,18 +221,18 @@ impl Folder {
         self.files.sort_by_key(|name| self.order.iter().position(|other| other == name));
         let path = self.path.join(MANIFEST);
         fs::create_dir_all(&self.path).map_err(failed(&self.path))?;
-        // What a killed command left of a manifest: `read` has found it to be ours.
+        // Remainder of a manifest of a killed command: `read` has checked that it is Flank's.
         remove(&part(&path))?;
         whole(&path, &json(self).map_err(failed(&path))?)
     }
 
-    /// Tells that the file system has locks.
+    /// Returns whether the file system has locks.
     #[must_use]
     pub fn is_locked(&self) -> bool {
         self.lock.is_some()
     }
 
-    /// The command that wrote the manifest.
+    /// Returns the command that wrote the manifest.
     pub(crate) fn command(&self) -> &str {
         &self.command
     }
@@ -240,7 +240,7 @@ impl Folder {
     /// Creates a file.
     ///
     /// # Errors
-    /// [`OutputError`] if a file of the user's is in the way, or it cannot be created.
+    /// [`OutputError`] if a file of the user has this name, or it cannot be created.
     pub fn create(&mut self, name: &str) -> Result<File, OutputError> {
         let path = self.enter(name)?;
         File::create_new(&path).map_err(failed(&path))
@@ -249,7 +249,7 @@ impl Folder {
     /// Writes a file: complete, or not at all.
     ///
     /// # Errors
-    /// As [`create`](Self::create).
+    /// Errors of [`create`](Self::create).
     pub fn bytes(&mut self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), OutputError> {
         whole(&self.enter(name)?, bytes.as_ref())
     }
@@ -257,7 +257,7 @@ impl Folder {
     /// Writes a JSON file: complete, or not at all.
     ///
     /// # Errors
-    /// As [`create`](Self::create).
+    /// Errors of [`create`](Self::create).
     pub fn complete(&mut self, name: &str, content: &impl Serialize) -> Result<(), OutputError> {
         self.bytes(name, json(content).map_err(failed(&self.path.join(name)))?)
     }
@@ -274,7 +274,7 @@ impl Folder {
         self.files.iter().any(|file| file == name)
     }
 
-    /// Where a file goes, if nothing of the user's is there.
+    /// Returns the path of a file to write; an error if a file that the manifest does not name is there.
     fn vacant(&self, name: &str) -> Result<PathBuf, OutputError> {
         let path = self.place(name)?;
         match [path.clone(), part(&path)].into_iter().find(|path| found(path).is_some()) {
@@ -283,7 +283,7 @@ impl Folder {
         }
     }
 
-    /// Where a file is: below the folder, through folders that are no links.
+    /// Returns the path of a file: below the folder, through folders that are no links.
     fn place(&self, name: &str) -> Result<PathBuf, OutputError> {
         let (mut path, mut is_below) = (self.path.clone(), false);
         for component in Path::new(name).components() {
@@ -336,21 +336,21 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error().to_string()))
 }
 
-/// Bytes of a text that is read whole.
+/// Largest size of a text that is read whole, bytes.
 const MOST: u64 = 256 << 20;
 
-/// Tells that a folder holds something. What a killed command left of its first manifest is nothing.
+/// Returns whether a folder holds something. What a killed command left of its first manifest does not count.
 pub(crate) fn is_occupied(folder: &Path) -> bool {
     let left = part(Path::new(MANIFEST));
     fs::read_dir(folder).is_ok_and(|entries| entries.flatten().any(|entry| Path::new(&entry.file_name()) != left))
 }
 
-/// What is at a path; links are not followed.
+/// Returns the metadata of a path, if something is there; links are not followed.
 fn found(path: &Path) -> Option<Metadata> {
     fs::symlink_metadata(path).ok()
 }
 
-/// Where a file is while it is being written.
+/// Returns the path of a file while it is being written.
 pub(crate) fn part(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".part");

@@ -5,12 +5,12 @@ use std::fmt::{self, Write};
 use serde::Serialize;
 use serde_json::Value;
 
-/// A number in a table: as many digits as it takes to read the same double, with an exponent where that is shorter.
+/// Returns a number in a table: with the digits that identify the double, and with an exponent if that is shorter.
 pub fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// A line of a data file without its end (RFC 4180). A text that a spreadsheet would take for a formula has an apostrophe before it.
+/// Returns a line of a data file without its end (RFC 4180), with an apostrophe before texts that spreadsheets take for formulas.
 pub fn csv_line(fields: impl IntoIterator<Item: AsRef<str>>) -> String {
     let mut line = csv::WriterBuilder::new().buffer_capacity(BUFFER).from_writer(Vec::new());
     for field in fields {
@@ -26,22 +26,22 @@ pub fn csv_line(fields: impl IntoIterator<Item: AsRef<str>>) -> String {
     line
 }
 
-/// Bytes that a line is collected in.
+/// Bytes of the buffer of a line.
 const BUFFER: usize = 512;
 
-/// A name in one line, with codes in place of characters that a terminal would obey: controls, and those that turn the direction of writing.
+/// Returns a name in one line, with codes in place of controls and of characters that turn the writing direction.
 pub fn visible(name: &str) -> String {
     let turns = |c: char| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     let is_hidden = |c: char| c.is_control() || turns(c) || matches!(c, '\u{2028}' | '\u{2029}');
     name.chars().map(|c| if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() }).collect()
 }
 
-/// A text of several lines in one.
+/// Returns a text of several lines in one.
 pub fn in_a_line(text: &str) -> String {
     text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
-/// The name of a variant in data files, as serde writes it.
+/// Returns the name of a variant in data files, as serde writes it.
 ///
 /// # Panics
 /// If the value is not written as a text.
@@ -50,7 +50,7 @@ pub fn label(variant: impl Serialize) -> String {
     value.as_ref().and_then(Value::as_str).expect("a variant is written as its name").to_owned()
 }
 
-/// A number to five digits, in the form that reads best; `-` for none.
+/// Returns a number to five digits, in the form that reads best; `-` for none.
 #[must_use]
 pub fn five_digits(value: impl Into<Option<f64>>) -> String {
     match value.into() {
@@ -66,7 +66,7 @@ pub fn five_digits(value: impl Into<Option<f64>>) -> String {
     }
 }
 
-/// A table, of words if not of other cells. Displayed, it is laid out for a terminal: the first column flush left, the others flush right.
+/// Table, by default of words. Its display is laid out for a terminal: the first column flush left, the others flush right.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Table<C = String> {
     /// Title; may be empty.
@@ -80,19 +80,19 @@ pub struct Table<C = String> {
 }
 
 impl Table {
-    /// A table with this head.
+    /// Returns a table with this head.
     pub fn new(head: impl IntoIterator<Item: ToString>) -> Self {
         Self { head: head.into_iter().map(|word| word.to_string()).collect(), ..Self::default() }
     }
 
-    /// The table with these rows too.
+    /// Returns the table with these rows added.
     #[must_use]
     pub fn with(mut self, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
         self.rows.extend(rows);
         self
     }
 
-    /// The table with shorter names in its first column, if that makes it fit a terminal of 100 columns.
+    /// Returns the table with shorter names in its first column, if it then fits a terminal of 100 columns.
     #[must_use]
     pub fn fit(mut self) -> Self {
         let rows = || std::iter::once(&self.head).chain(&self.rows);
@@ -107,24 +107,24 @@ impl Table {
         self
     }
 
-    /// The table as a data file (RFC 4180), without title and note.
+    /// Returns the table as a data file (RFC 4180), without title and note.
     #[must_use]
     pub fn csv(&self) -> String {
         std::iter::once(&self.head).chain(&self.rows).map(|row| csv_line(row) + "\r\n").collect()
     }
 
-    /// The table under a title, with a note below it.
+    /// Returns the table under a title, with a note below it.
     #[must_use]
     pub fn titled(self, title: &str, note: impl Into<String>) -> Self {
         Self { title: title.to_owned(), note: note.into(), ..self }
     }
 }
 
-/// Columns of a terminal that a table fits if it can, and letters that are left of a name at least.
+/// Columns of a terminal for a table, and least number of letters left of a name.
 const COLUMNS: usize = 100;
 const SHORTEST: usize = 16;
 
-/// A name of at most `length` letters: its beginning and its end.
+/// Returns a name of at most `length` letters: its beginning and its end.
 fn shortened(name: &str, length: usize) -> String {
     let letters: Vec<char> = name.chars().collect();
     if letters.len() <= length {

@@ -1,11 +1,11 @@
-//! A train in motion, for a page.
+//! Animation of a train, for a page.
 
 use serde_json::{Value, json};
 
 use super::{draw::palette::hex, report::rounded};
 use crate::plot::Theme;
 
-/// A motion in frames that lie evenly in time. Lengths are in one unit throughout.
+/// Motion in frames at equal intervals of time. Lengths are in one unit throughout.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Animation {
     /// Name in the page: lower-case words joined by `-`.
@@ -14,17 +14,17 @@ pub struct Animation {
     pub title: String,
     /// Words below it.
     pub caption: String,
-    /// Gears in place; none of a train without them.
+    /// Gears in place; none for a train without gears.
     pub gears: Vec<AnimatedGear>,
     /// Contacts.
     pub contacts: Vec<AnimatedContact>,
-    /// Times the motion beside the mean turning is drawn larger than it is.
+    /// Factor by which the motion beside the mean rotation is enlarged.
     pub factor: f64,
     /// Time between two frames, and its unit.
     pub interval: (f64, String),
     /// Unit of deflections.
     pub unit: String,
-    /// Names of the states of contacts and the numbers of their colours among those of tiles.
+    /// Names of the states of contacts, with the indices of their tile colours.
     pub states: Vec<(String, usize)>,
 }
 
@@ -39,13 +39,13 @@ pub struct AnimatedGear {
     pub radius: f64,
     /// Tooth number.
     pub teeth: u32,
-    /// Its teeth point inwards.
+    /// True if its teeth point inwards.
     pub is_ring: bool,
     /// Angle of a tooth (of a ring: of a space) in the first frame, rad.
     pub angle: f64,
-    /// Mean turning from frame to frame, rad.
+    /// Mean rotation from frame to frame, rad.
     pub turn: f64,
-    /// Displacements x and y, and rotation, rad, of each frame, as large as they are drawn.
+    /// Displacements x and y, and rotation, rad, of each frame, enlarged as drawn.
     pub motion: Vec<[f64; 3]>,
 }
 
@@ -54,18 +54,18 @@ pub struct AnimatedGear {
 pub struct AnimatedContact {
     /// Its name.
     pub name: String,
-    /// Pitch point, if there are gears.
+    /// Pitch point, if gears are known.
     pub point: Option<[f64; 2]>,
     /// Flanks: the drive flank, and the back flank if there is one.
     pub flanks: Vec<f64>,
     /// Deflection of each frame.
     pub deflection: Vec<f64>,
-    /// Number of its state of each frame.
+    /// Index of its state in each frame.
     pub state: Vec<usize>,
 }
 
 impl Animation {
-    /// The animation as the page's script reads it. Places are rounded to a ten-thousandth of the train's size.
+    /// Returns the data of the page's script. Places are rounded to a ten-thousandth of the train's size.
     pub(super) fn data(&self) -> Value {
         let reach = |gear: &AnimatedGear| gear.radius + gear.centre[0].abs().max(gear.centre[1].abs());
         let size = self.gears.iter().map(reach).fold(f64::MIN_POSITIVE, f64::max);

@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::output::{csv_line, number};
 
-/// Units by the ends of keys, longest ends first.
+/// Units by the endings of keys, longest endings first.
 const UNITS: [(&str, &str); 16] = [
     ("_nm_per_rpm", "N m/(rev/min)"),
     ("_n_s_per_m", "N s/m"),
@@ -22,15 +22,14 @@ const UNITS: [(&str, &str); 16] = [
     ("_s", "s"),
 ];
 
-/// A figure: panels in rows, read from left to right. It carries all its numbers, so that its data files and every
-/// picture of it say the same.
+/// Figure: panels in rows, read from left to right. It contains all its numbers, so that its data files and its pictures agree.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Figure {
     /// Name in file names and on the command line: lower-case words joined by `-`.
     pub id: String,
     /// Title.
     pub title: String,
-    /// What is seen, and from which scene; one paragraph.
+    /// Description of the picture, and the scene; one paragraph.
     pub caption: String,
     /// Panels beside each other, ≥ 1.
     pub columns: usize,
@@ -39,19 +38,19 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// Height of its panels over the usual one.
+    /// Ratio of the height of its panels to the usual one.
     #[cfg(feature = "plot")]
     pub(super) fn height(&self) -> f64 {
         self.panels.first().and_then(|panel| panel.height).unwrap_or(1.0)
     }
 
-    /// All numbers of the figure as CSV (RFC 4180), one point a row, each with the labels and units of its axes:
+    /// Returns all numbers of the figure as CSV (RFC 4180), one point a row, each with the labels and units of its axes:
     ///
     /// `panel, panel_title, kind, name, x, x_label, x_unit, y, y_label, y_unit, value, value_unit`
     ///
-    /// Panels are counted from 1; `kind` is `series`, `band`, `tile`, `cell`, `guide` or `note`. A cell of an image has its middle and a value. A band has two rows, its ends on x, and
-    /// no y; a tile two, opposite corners; a vertical guide has an x only, a horizontal one a y only, a slanted one two rows. Floats are as short as
-    /// they can be without loss.
+    /// Panels are counted from 1; `kind` is `series`, `band`, `tile`, `cell`, `guide` or `note`. A cell of an image has its middle and a
+    /// value. A band has two rows, its ends without y; a tile two, opposite corners. A vertical guide has an x only, a horizontal one a y
+    /// only, a slanted one two rows. Floats are in their shortest exact form.
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = "panel,panel_title,kind,name,x,x_label,x_unit,y,y_label,y_unit,value,value_unit\r\n".to_owned();
@@ -92,14 +91,14 @@ impl Figure {
         text
     }
 
-    /// The figure as JSON, with the names of [`Figure`]'s fields.
+    /// Returns the figure as JSON, with the names of [`Figure`]'s fields.
     #[must_use]
     pub fn json(&self) -> String {
         serde_json::to_string(self).map(|text| text + "\n").expect("a figure is plain data")
     }
 }
 
-/// One pair of axes and what is drawn on them, from back to front: tiles, bands, guides, series, notes.
+/// One pair of axes with its contents, from back to front: tiles, bands, guides, series, notes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Panel {
     /// Title; may be empty.
@@ -108,24 +107,24 @@ pub struct Panel {
     pub x: Axis,
     /// Ordinate.
     pub y: Axis,
-    /// Height over the usual one, if it is another. All panels of a figure are as high as the first.
+    /// Ratio of the height to the usual one. All panels of a figure are as high as the first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub height: Option<f64>,
-    /// One unit is as long on x as on y.
+    /// True if one unit is equally long on x and y.
     pub equal_scales: bool,
     /// Curves and points.
     pub series: Vec<Series>,
-    /// Stretches of x, shaded.
+    /// Shaded intervals of x.
     pub bands: Vec<Band>,
     /// Rectangles, filled.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tiles: Vec<Tile>,
-    /// Cells of a map, as an image; under all else. Its numbers are data of the figure if it has values.
+    /// Cells of a map, as an image; under all other contents. Its numbers are data of the figure if it has values.
     #[serde(skip_serializing_if = "Raster::has_no_values")]
     pub raster: Option<Raster>,
     /// Straight lines across the panel.
     pub guides: Vec<Guide>,
-    /// The names of upright guides stand above the panel, not on their lines.
+    /// True if the names of upright guides stand above the panel, not on their lines.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub names_above: bool,
     /// Words in the panel.
@@ -135,28 +134,28 @@ pub struct Panel {
 /// An axis.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Axis {
-    /// Its plots.
+    /// Quantity on the axis.
     pub label: String,
-    /// Its unit; empty for a pure number.
+    /// Unit; empty for a pure number.
     pub unit: String,
-    /// Logarithmic.
+    /// True for a logarithmic axis.
     pub logarithmic: bool,
-    /// Ends; fitted to the series if none are given.
+    /// Ends; fitted to the series if not given.
     pub range: Option<[f64; 2]>,
-    /// Whole numbers are places in a row, not values: grid lines without ticks and numbers.
+    /// True if whole numbers are places in a row, not values: grid lines without ticks and numbers.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub places: bool,
 }
 
 impl Axis {
-    /// A linear axis fitted to its series.
+    /// Returns a linear axis fitted to its series.
     #[must_use]
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
         Self { label: label.into(), unit: unit.into(), ..Self::default() }
     }
 
-    /// A linear axis of the number of a scene at `pointer`: the words of the pointer, and the unit that its key or its place says. Of numbers that
-    /// move together, `P1,P2`, it shows the first.
+    /// Returns a linear axis of the number of a scene at `pointer`: the words of the pointer, and the unit from its key or its place. For
+    /// numbers that move together, `P1,P2`, it shows the first.
     #[must_use]
     pub fn of_number(pointer: &str, dimensionless: bool) -> Self {
         let first = pointer.split(',').next().unwrap_or_default();
@@ -185,14 +184,14 @@ impl Axis {
         Self::new(if label.is_empty() { first } else { &label }, unit)
     }
 
-    /// The same axis from `low` to `high`.
+    /// Returns the same axis from `low` to `high`.
     #[must_use]
     pub fn between(self, low: f64, high: f64) -> Self {
         Self { range: Some([low, high]), ..self }
     }
 }
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Style {
@@ -213,43 +212,43 @@ pub enum Style {
     Stems,
 }
 
-/// A curve or a set of points. All numbers are finite.
+/// Curve or set of points. All numbers are finite.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Series {
     /// Name in the legend; series of one name are one entry there. Empty for none.
     pub name: String,
     /// Abscissae.
     pub x: Vec<f64>,
-    /// Ordinates, as many.
+    /// Ordinates, as many as abscissae.
     pub y: Vec<f64>,
-    /// How it is drawn.
+    /// Style.
     pub style: Style,
-    /// Number of its colour in the palette, modulo its length.
+    /// Index of its colour in the palette, modulo its length.
     pub colour: usize,
 }
 
 impl Series {
-    /// A line of the given colour.
+    /// Returns a line of the given colour.
     #[must_use]
     pub fn line(name: impl Into<String>, colour: usize, x: Vec<f64>, y: Vec<f64>) -> Self {
         Self { name: name.into(), x, y, style: Style::Line, colour }
     }
 
-    /// The same series in another style.
+    /// Returns the same series in another style.
     #[must_use]
     pub fn styled(self, style: Style) -> Self {
         Self { style, ..self }
     }
 }
 
-/// A shaded stretch of x, such as the time in one contact mode.
+/// Shaded interval of x, such as the time in one contact mode.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Band {
     /// Its ends on x.
     pub x: [f64; 2],
     /// Name in the legend; bands of one name are one entry.
     pub name: String,
-    /// Number of its shade.
+    /// Index of its shade.
     pub colour: usize,
 }
 
@@ -262,7 +261,7 @@ pub struct Tile {
     pub y: [f64; 2],
     /// Name in the legend; tiles of one name are one entry.
     pub name: String,
-    /// Number of its colour among those of tiles, modulo their number.
+    /// Index of its colour among those of tiles, modulo their number.
     pub colour: usize,
 }
 
@@ -281,16 +280,16 @@ pub const SEQUENCE: [Colour; 8] = [
     [0x0c, 0x2c, 0x84],
 ];
 
-/// An image of cells in classes, with its own legend. Without values its numbers are in the table it is drawn from.
+/// Image of cells in classes, with its own legend. Without values, the table that it is drawn from has its numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Raster {
     /// Its ends on x.
     pub x: [f64; 2],
     /// Its ends on y.
     pub y: [f64; 2],
-    /// Cells in a row.
+    /// Number of cells in a row.
     pub columns: usize,
-    /// The class of each cell, row by row from the top.
+    /// Class of each cell, row by row from the top.
     #[serde(skip)]
     pub points: Vec<u8>,
     /// Names of classes and their colours.
@@ -303,18 +302,18 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// Values in eight classes `step` wide, the highest of which holds `largest`; the lowest one also holds all below it and cells without a value.
+    /// Returns an image in eight classes of width `step`: the highest contains `largest`, the lowest all smaller and missing values.
     #[must_use]
     pub fn of_levels(self, (largest, step): (f64, f64), unit: &str) -> Self {
         let count = SEQUENCE.len();
         let low = (libm::floor(largest / step) - (count - 1) as f64) * step;
-        // OK to convert: below the number of classes.
+        // Exact: below the number of classes.
         let class = |value: f64| libm::floor((value - low) / step).clamp(0.0, (count - 1) as f64) as u8;
         let name = |i: usize| match (i, low + i as f64 * step) {
             (0, from) => format!("below {}", from + step),
             (_, from) => format!("{from} to {}", from + step),
         };
-        // What is below all others is the paper.
+        // The class below all others has the colour of the paper.
         let colour = |i: usize| if i == 0 { [0xff; 3] } else { SEQUENCE[i] };
         Self {
             points: self.values.iter().map(|value| value.map_or(0, class)).collect(),
@@ -324,7 +323,7 @@ impl Raster {
         }
     }
 
-    /// The middles and values of its cells.
+    /// Returns the middles and values of its cells.
     fn cells(&self) -> impl Iterator<Item = [f64; 3]> {
         let rows = self.values.len() / self.columns.max(1);
         self.values.iter().enumerate().filter_map(move |(i, value)| {
@@ -340,36 +339,36 @@ impl Raster {
     }
 }
 
-/// A thin straight line with a name: a natural frequency, an order, a threshold, a published value.
+/// Thin straight line with a name: a natural frequency, an order, a threshold, a published value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Guide {
-    /// At one x, over the whole height.
+    /// A vertical line at one x, over the whole height.
     Vertical {
-        /// Where.
+        /// Abscissa.
         x: f64,
-        /// What it is.
+        /// Name.
         name: String,
     },
-    /// At one y, over the whole width.
+    /// A horizontal line at one y, over the whole width.
     Horizontal {
-        /// Where.
+        /// Ordinate.
         y: f64,
-        /// What it is.
+        /// Name.
         name: String,
     },
-    /// From a point to another.
+    /// A straight line from one point to another.
     Slanted {
         /// One end, `[x, y]`.
         from: [f64; 2],
         /// The other end, `[x, y]`; the name is written here.
         to: [f64; 2],
-        /// What it is.
+        /// Name.
         name: String,
     },
 }
 
-/// How a number or a statement compares with a published one.
+/// Verdict on a number or a statement beside a published one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -377,7 +376,7 @@ pub enum Verdict {
     Agrees,
     /// Within 15 %, or true in part.
     Partly,
-    /// Neither.
+    /// Neither within 15 % nor true in part.
     Deviates,
     /// The source contradicts itself, or kinematics, here.
     Contradiction,
@@ -386,7 +385,7 @@ pub enum Verdict {
 /// Words at a point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Note {
-    /// Where, `[x, y]`.
+    /// Point `[x, y]`.
     pub at: [f64; 2],
     /// The words.
     pub text: String,

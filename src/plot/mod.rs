@@ -1,8 +1,7 @@
 //! Figures as data, and their pictures.
 //!
-//! A [`Figure`] holds the numbers that are drawn and how to draw them; nothing is computed here. Its data are always at
-//! hand, as [`Figure::csv`] and [`Figure::json`]; pictures (`Figure::svg`, `Figure::png`) and the page that collects them (`Report`)
-//! need the feature `plot`.
+//! A [`Figure`] holds the numbers of a drawing and its style, without any computation. Its data are always available, as [`Figure::csv`]
+//! and [`Figure::json`]. Pictures (`Figure::svg`, `Figure::png`) and the page that collects them (`Report`) need the feature `plot`.
 
 #[cfg(feature = "plot")]
 mod animation;

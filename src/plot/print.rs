@@ -24,18 +24,18 @@ impl Format {
     }
 }
 
-/// The form in which figures are printed.
+/// Form in which figures are printed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Print {
     /// Formats.
     pub formats: Vec<Format>,
-    /// Width, mm; as wide as a screen wants it, if none.
+    /// Width, mm; by default the width for a screen.
     pub width_mm: Option<f64>,
-    /// Height, mm; as high as the panels are at this width, if none.
+    /// Height, mm; by default the height of the panels at this width.
     pub height_mm: Option<f64>,
     /// Size of the numbers at the axes, points; names are a little larger.
     pub font_pt: Option<f64>,
-    /// The title of the figure stands above it.
+    /// True if the title of the figure stands above it.
     pub has_titles: bool,
     /// Panels, counted from 1; all if empty.
     pub panels: Vec<usize>,
@@ -54,15 +54,15 @@ impl Default for Print {
     }
 }
 
-/// Sides, mm, and sizes of letters, points, that a picture can have.
+/// Allowed sides, mm, and sizes of letters, points, of a picture.
 const SIDES: [f64; 2] = [40.0, 1000.0];
 const LETTERS: [f64; 2] = [4.0, 36.0];
 
 impl Print {
-    /// Takes a size: `85mm`, or width and height `120x80mm`.
+    /// Sets a size: `85mm`, or width and height `120x80mm`.
     ///
     /// # Errors
-    /// A size that is none, or none that a picture can have.
+    /// A text without a size, or a size outside the limits.
     pub fn sized(mut self, text: &str) -> Result<Self, Fault> {
         let [low, high] = SIDES;
         let numbers =
@@ -77,10 +77,10 @@ impl Print {
         }
     }
 
-    /// Takes a size of letters, points.
+    /// Sets a size of letters, points.
     ///
     /// # Errors
-    /// One that letters cannot have.
+    /// A size outside the limits.
     pub fn lettered(mut self, points: f64) -> Result<Self, Fault> {
         let [low, high] = LETTERS;
         if (low..=high).contains(&points) {

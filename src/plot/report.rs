@@ -14,7 +14,7 @@ use super::{
 };
 use crate::output::{self, Folder, OutputError};
 
-/// What a study found, as one page that needs no network: text, tables, and figures to zoom and point at.
+/// Result of a study, as one page that needs no network: text, tables, and interactive figures.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// Title.
@@ -23,10 +23,10 @@ pub struct Report {
     pub summary: Vec<String>,
     /// Sections; their titles are the table of contents.
     pub sections: Vec<Section>,
-    /// How the page came about, line by line, at the foot: version, scene and its hash, command.
+    /// Origin of the page, line by line, at the foot: version, scene and its hash, command.
     pub provenance: Vec<String>,
-    /// Folder of the figures' files, seen from the page, where there are any: `id.svg`, `id.png`, `id.csv` and
-    /// `id.json` of each figure are linked there.
+    /// Folder of the figures' files, relative to the page, if they exist: `id.svg`, `id.png`, `id.csv` and `id.json` of each figure are
+    /// linked there.
     pub files: Option<String>,
 }
 
@@ -37,19 +37,19 @@ pub struct Section {
     pub title: String,
     /// Paragraphs, with an empty line between two; may be empty.
     pub text: String,
-    /// What is shown, in order.
+    /// Contents, in order.
     pub items: Vec<Item>,
 }
 
 impl Section {
-    /// A section.
+    /// Returns a section.
     #[must_use]
     pub fn new(title: &str, text: &str, items: Vec<Item>) -> Self {
         Self { title: title.to_owned(), text: text.to_owned(), items }
     }
 }
 
-/// Something shown in a section.
+/// Item of a section.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "a report holds dozens of them")]
 pub enum Item {
@@ -57,11 +57,11 @@ pub enum Item {
     Figure(Figure),
     /// A table.
     Table(Table),
-    /// A train in motion.
+    /// Animation of a train.
     Animation(Animation),
 }
 
-/// A table whose cells may judge.
+/// Table whose cells may have verdicts.
 pub type Table = output::Table<Cell>;
 
 /// A table of words alone.
@@ -75,14 +75,14 @@ impl From<output::Table> for Item {
 /// A cell of a table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cell {
-    /// What stands in it.
+    /// Text of the cell.
     pub text: String,
-    /// What it says of a comparison, if it does.
+    /// Verdict of a comparison, if any.
     pub verdict: Option<Verdict>,
 }
 
 impl Verdict {
-    /// Class in the page, and a sign, so that colour is not all that tells.
+    /// Returns the class in the page, and a sign, which does not depend on colour.
     fn class_and_sign(self) -> (&'static str, &'static str) {
         match self {
             Self::Agrees => ("ok", "✓"),
@@ -94,7 +94,7 @@ impl Verdict {
 }
 
 impl Cell {
-    /// A cell with a verdict.
+    /// Returns a cell with a verdict.
     #[must_use]
     pub fn judged(text: impl Into<String>, verdict: Verdict) -> Self {
         Self { text: text.into(), verdict: Some(verdict) }
@@ -107,16 +107,16 @@ impl<T: Into<String>> From<T> for Cell {
     }
 }
 
-/// The page without its contents; the words between at signs are replaced, in this order.
+/// Page without its contents; the words between at signs are replaced, in this order.
 const PAGE: &str = include_str!("report.html");
-/// Draws the figures of a page, and lets a reader zoom and point at them.
+/// Script that draws the figures of a page, with zoom and values at the pointer.
 const SCRIPT: &str = include_str!("page.js");
 
 impl Report {
     /// Name of its file.
     pub const FILE: &str = "report.html";
 
-    /// Names of the files of a command that writes a report, these figures and these data.
+    /// Returns the names of the files of a command that writes a report, these figures and these data.
     pub fn files<'a>(figures: impl IntoIterator<Item = &'a str>, data: &[&str]) -> Vec<String> {
         let data = data.iter().copied().chain([Self::FILE]).map(str::to_owned);
         figures.into_iter().flat_map(Figure::files).chain(data).collect()
@@ -130,16 +130,16 @@ impl Report {
         folder.bytes(Self::FILE, self.linked(print))
     }
 
-    /// The page. Equal reports give equal bytes.
+    /// Returns the page. Equal reports give equal bytes.
     ///
-    /// Numbers of figures are rounded to a millionth of what their axis shows (on logarithmic axes to six digits); the
-    /// data files of [`Figure`] hold them in full.
+    /// Numbers of figures are rounded to a millionth of the range of their axis (on logarithmic axes to six digits); the data files of
+    /// [`Figure`] contain them in full.
     #[must_use]
     pub fn html(&self) -> String {
         self.linked(&Print::default())
     }
 
-    /// The page, with links to the files of figures that are printed so.
+    /// Returns the page, with links to the files of figures in the formats of `print`.
     fn linked(&self, print: &Print) -> String {
         let mut page = String::new();
         let mut rest = PAGE;
@@ -204,7 +204,7 @@ impl Report {
         figure_html([&figure.id, &figure.title, &figure.caption], figure_data(figure), &links)
     }
 
-    /// What stands in place of the figures where no script runs.
+    /// Returns the part of the page that replaces the figures if no script runs.
     fn without_script(&self) -> String {
         let items = self.sections.iter().flat_map(|section| &section.items);
         let figures = items.filter_map(|item| if let Item::Figure(figure) = item { Some(figure) } else { None });
@@ -215,9 +215,9 @@ impl Report {
     }
 }
 
-/// The element that the script of a page draws into.
+/// Returns the element into which the script of a page draws.
 fn figure_html([id, title, caption]: [&str; 3], data: Value, links: &str) -> String {
-    // A script element ends at `</script`, wherever that stands.
+    // A script element ends at the first `</script`.
     let data = data.to_string().replace('<', "\\u003c");
     format!(
         "<figure id=\"{}\">\n<h3>{}</h3>\n<div class=\"legend\"></div>\n<div class=\"plot\"></div>\n<script \
@@ -249,7 +249,7 @@ fn table_html(table: &Table) -> String {
     )
 }
 
-/// The colours of both themes, for the page's script.
+/// Returns the colours of both themes, for the page's script.
 fn colours() -> Value {
     let theme = |theme: Theme| {
         let colours = theme.colours();
@@ -262,7 +262,7 @@ fn colours() -> Value {
     json!({ "light": theme(Theme::Light), "dark": theme(Theme::Dark) })
 }
 
-/// A figure as the page's script reads it.
+/// Returns a figure in the form of the page's script.
 fn figure_data(figure: &Figure) -> Value {
     let look = |look: &Look| match look {
         Look::Series(style, colour) => json!({ "style": style, "colour": colour }),
@@ -318,7 +318,7 @@ fn panel_data(panel: &Panel) -> Value {
     })
 }
 
-/// A value to a millionth of the span of its axis, or to six digits; `null` if it has no place there.
+/// Returns a value to a millionth of the span of its axis, or to six digits; `null` if it has no place there.
 pub(super) fn rounded(value: f64, span: f64, logarithmic: bool) -> Value {
     let short = if logarithmic {
         format!("{value:.5e}")

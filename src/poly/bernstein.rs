@@ -3,7 +3,7 @@
 use super::MAX_DEGREE;
 use crate::vectors::{Baseline, Path};
 
-/// Degree of the cheap first test.
+/// Degree of the first test.
 const LOW: usize = 6;
 
 /// Bernstein coefficients of `1, x, …, x⁶` in degree 6, padded to eight lanes by repeating the last.
@@ -13,7 +13,7 @@ static LOW_BASIS: [[f64; 8]; LOW + 1] = {
     while k <= LOW {
         let mut i = k;
         while i < 8 {
-            // C(i, k)/C(n, k), the last lane as the one before it.
+            // C(i, k)/C(n, k); the last lane repeats the one before it.
             let at = if i > LOW { LOW } else { i };
             let (mut ratio, mut l) = (1.0, 0);
             while l < k {
@@ -28,7 +28,7 @@ static LOW_BASIS: [[f64; 8]; LOW + 1] = {
     basis
 };
 
-/// The quick "no": the Bernstein coefficients of the low-degree part exceed all the rest can take away.
+/// Returns whether `p` is proven positive: the Bernstein coefficients of the low-degree part exceed the sum of the other terms.
 #[inline(always)]
 pub(super) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
     let (low, high) = p.split_at(p.len().min(LOW + 1));
@@ -44,7 +44,7 @@ pub(super) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
     if low[0] <= rest {
         return false;
     }
-    // Most often even the sizes of all terms do not reach it.
+    // Usually not even the sum of the sizes of all terms reaches it.
     if low[0] > low[1..].iter().fold(rest, |s, c| s + c.abs()) {
         return true;
     }
@@ -80,7 +80,7 @@ pub(super) static INVERSE_BINOMIALS: [[f64; MAX_DEGREE + 1]; MAX_DEGREE + 1] = {
     table
 };
 
-/// Coefficients of a polynomial in vectors of four.
+/// Number of vectors of four that hold the coefficients of a polynomial.
 const FOURS: usize = MAX_DEGREE / 4 + 1;
 
 /// `C(i, k)` for four i from a multiple of four on, and each k; zero for `i < k`.
@@ -99,20 +99,20 @@ static BINOMIALS: [[[f64; 4]; MAX_DEGREE + 1]; FOURS] = {
     table
 };
 
-/// What the signs of all Bernstein coefficients tell.
+/// Result of a test of the signs of all Bernstein coefficients.
 pub(super) enum Signs {
-    /// All are above the uncertainty.
+    /// All coefficients are above the uncertainty.
     Above,
-    /// They change once, and the last one is below its negative: one zero, and it is a fall. Where it is, nearly.
+    /// The signs change once, and the last coefficient is below −uncertainty: one zero, a fall. The value is its approximate place.
     Fall(f64),
     /// Anything else.
     Mixed,
 }
 
-/// Fours of the longest polynomial whose coefficients are formed all at once.
+/// Number of fours of the longest polynomial whose coefficients are formed all at once.
 const FEW: usize = 7;
 
-/// The Bernstein coefficients on `[0, limit]` of `p`, which has power coefficients and a degree below 4 N. Beyond its degree there are none.
+/// Returns the Bernstein coefficients of `p` on `[0, limit]`; `p` has power coefficients and a degree below 4 N. The rest is padding.
 ///
 /// `b_i = Σ_{k≤i} C(i,k)/C(n,k) p_k`; binomials are exact and every factor is at most one, so the rounding error of each coefficient is
 /// at most `n ε Σ|p_k|`. No product is fused: all sets of instructions give the same bits.
@@ -129,7 +129,7 @@ fn sums<P: Path, const N: usize>(path: P, p: &[f64], limit: f64) -> [P::Four; N]
     sums
 }
 
-/// The signs of the coefficients of `p` on `[0, limit]`.
+/// Returns the signs of the Bernstein coefficients of `p` on `[0, limit]`.
 #[inline(always)]
 pub(super) fn signs<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -> Signs {
     let n = p.len() - 1;
@@ -159,8 +159,8 @@ pub(super) fn signs<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -
     Signs::Fall(crossing(&b.as_flattened()[..=n], first as usize))
 }
 
-/// Where the polynomial with the coefficients `b` falls, nearly, in `[0, 1]`: its control polygon does before coefficient `i ≥ 1`. It is off
-/// the polygon by `t (1 − t)/2n` times the second derivative of that, n the degree.
+/// Returns the approximate place in `[0, 1]` at which the polynomial with the coefficients `b` falls. Its control polygon falls before
+/// coefficient `i ≥ 1`. The polynomial differs from the polygon by `t (1 − t)/2n` times the second derivative of the polygon, n the degree.
 #[inline(always)]
 pub(super) fn crossing(b: &[f64], i: usize) -> f64 {
     let (before, after) = (b[i - 1], b[i]);
@@ -176,7 +176,7 @@ pub(super) fn crossing(b: &[f64], i: usize) -> f64 {
 }
 
 impl Bernstein {
-    /// From power coefficients on `[0, limit]`.
+    /// Converts power coefficients on `[0, limit]`.
     pub fn from_power(p: &[f64], limit: f64) -> Self {
         let (n, mut b) = (p.len() - 1, [0.0; MAX_DEGREE + 1]);
         let sums: [[f64; 4]; FOURS] = sums(Baseline, p, limit);
@@ -188,7 +188,7 @@ impl Bernstein {
         &self.b[..=self.n]
     }
 
-    /// Number of sign changes among the coefficients, zeros skipped, counted up to 2.
+    /// Returns the number of sign changes among the coefficients, zeros skipped, counted up to 2.
     pub fn sign_changes(&self) -> u32 {
         let (mut last, mut changes) = (0.0, 0);
         for &c in self.coefficients() {
@@ -205,7 +205,7 @@ impl Bernstein {
         changes
     }
 
-    /// Splits at the middle by de Casteljau's scheme: `self` becomes the left half, the right is returned.
+    /// Splits at the middle by de Casteljau's scheme: `self` becomes the left half, and the right half is returned.
     pub fn split(&mut self) -> Self {
         let n = self.n;
         let mut right = [0.0; MAX_DEGREE + 1];
@@ -218,7 +218,7 @@ impl Bernstein {
         Self { n, b: right }
     }
 
-    /// Where it first falls, nearly, in `[0, 1]`: a first guess of a single root.
+    /// Returns the approximate place of the first fall, in `[0, 1]`: a first guess of a single root.
     pub fn crossing(&self) -> f64 {
         let b = self.coefficients();
         crossing(b, b.iter().position(|c| *c < 0.0).unwrap_or(self.n).max(1))

@@ -4,10 +4,10 @@ use std::sync::LazyLock;
 
 /// Highest degree of an interpolant.
 pub const DEGREE: usize = 16;
-/// Room for one.
+/// Number of coefficients of an interpolant.
 const ROW: usize = DEGREE + 1;
 
-/// Chebyshev points and the way from values there to coefficients of powers.
+/// Chebyshev points and the map from values there to coefficients of powers.
 #[derive(Debug)]
 pub(crate) struct Chebyshev {
     /// `T_k(2θ − 1)` in powers of θ.
@@ -16,7 +16,7 @@ pub(crate) struct Chebyshev {
     cosine: [f64; 2 * DEGREE],
 }
 
-/// The one table.
+/// The shared table.
 pub(crate) static CHEBYSHEV: LazyLock<Chebyshev> = LazyLock::new(Chebyshev::new);
 
 impl Chebyshev {
@@ -35,7 +35,7 @@ impl Chebyshev {
         Self { powers, cosine }
     }
 
-    /// The `i`-th of `n + 1` points, rising from 0 to 1.
+    /// Returns the `i`-th of `n + 1` points, rising from 0 to 1.
     pub fn point(i: usize, n: usize) -> f64 {
         if i == n {
             return 1.0;
@@ -43,7 +43,7 @@ impl Chebyshev {
         libm::sin(std::f64::consts::FRAC_PI_2 * i as f64 / n as f64).powi(2)
     }
 
-    /// Chebyshev coefficients from the `n + 1` values at the points, `n` a divisor of [`DEGREE`].
+    /// Computes Chebyshev coefficients from the `n + 1` values at the points, `n` a divisor of [`DEGREE`].
     pub fn coefficients(&self, values: &[f64], out: &mut [f64]) {
         let n = values.len() - 1;
         let stride = DEGREE / n;
@@ -59,7 +59,7 @@ impl Chebyshev {
         out[n] *= 0.5;
     }
 
-    /// Powers of θ, `[DEGREE + 1]`, from Chebyshev coefficients, the last first: the smallest are added before the others.
+    /// Computes powers of θ, `[DEGREE + 1]`, from Chebyshev coefficients, the last first: the smallest are added before the others.
     pub fn to_powers(&self, coefficients: &[f64], series: &mut [f64]) {
         series.fill(0.0);
         for (c, powers) in coefficients.iter().zip(&self.powers).rev() {

@@ -6,16 +6,16 @@ use super::{
     eval, eval_with_slope,
 };
 
-/// A share of the values' size that is rounding: what differs by less is equal.
+/// Rounding as a share of the size of the values: values that differ by less are equal.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 /// Halvings after which an interval is as short as the spacing of numbers near one.
 const MAX_DEPTH: u32 = 52;
 
-/// The largest and the smallest value of `p` on `[0, 1]`, to rounding; of an empty `p`, which is zero, 0 and 0.
+/// Returns the largest and the smallest value of `p` on `[0, 1]`, to rounding; for an empty `p`, which is zero, 0 and 0.
 ///
-/// Interior extremes are roots of the derivative, isolated by its Bernstein coefficients: those are the differences of the
-/// coefficients of `p`, and one change of sign among them proves one root. Intervals on which the coefficients of `p` prove that it
-/// stays between values already found are not searched.
+/// Interior extremes are roots of the derivative, isolated by its Bernstein coefficients. These are the differences of the coefficients of
+/// `p`; one sign change among them proves one root. Intervals are skipped if the coefficients of `p` prove that it stays between values
+/// already found.
 ///
 /// # Panics
 /// If the degree is above [`MAX_DEGREE`].
@@ -49,10 +49,10 @@ pub fn extremes(p: &[f64]) -> [f64; 2] {
     search.found
 }
 
-/// Halvings after which minima are too near to each other to be told apart.
+/// Number of halvings after which two minima cannot be distinguished.
 const APART: u32 = 20;
 
-/// Where `p` has its local minima inside `(0, 1)`, in order: the roots of its derivative at which it begins to rise.
+/// Returns the places of the local minima of `p` inside `(0, 1)`, in order: the roots of its derivative with rising sign.
 ///
 /// # Panics
 /// If the degree is above [`MAX_DEGREE`].
@@ -75,7 +75,7 @@ fn derivative<'a>(p: &[f64], out: &'a mut [f64; MAX_DEGREE + 1]) -> &'a [f64] {
     &out[..p.len() - 1]
 }
 
-/// Proven by a few Bernstein coefficients: `p` does not change its sign on `[0, 1]`.
+/// Returns whether a few Bernstein coefficients prove that `p` does not change its sign on `[0, 1]`.
 fn has_one_sign(p: &[f64]) -> bool {
     let mut negative = [0.0; MAX_DEGREE + 1];
     match p.first() {
@@ -110,7 +110,7 @@ impl Search<'_> {
             _ if depth >= APART => {}
             _ => {
                 let right = b.split();
-                // A root right between both halves.
+                // A root exactly between both halves.
                 if right.b[0] == 0.0 && b.first_sign() < 0.0 {
                     found.push(middle);
                 }
@@ -145,8 +145,8 @@ impl Search<'_> {
         }
     }
 
-    /// The single root of the derivative in `[low, high]`, where it changes to the sign of `last`, by Newton's method kept inside a
-    /// shrinking bracket. The value there is wrong by the square of the place's error.
+    /// Returns the value at the single root of the derivative in `[low, high]`, where it changes to the sign of `last`. Newton's method
+    /// stays inside a shrinking bracket. The value is wrong by the square of the error of the place.
     fn turn(&self, mut low: f64, mut high: f64, last: f64) -> f64 {
         let mut x = 0.5 * (low + high);
         for _ in 0..100 {

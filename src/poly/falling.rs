@@ -1,41 +1,41 @@
-//! Bernstein polynomials of degree 19 or 23 on `[0, 1]`, four coefficients side by side: their values, and the zero of a function that falls once,
-//! told by the signs of its coefficients.
+//! Bernstein polynomials of degree 19 or 23 on `[0, 1]`, four coefficients side by side: their values, and the zero of a function that
+//! falls once, isolated by the signs of its coefficients.
 //!
-//! A function is `f(t) = s + t p(t)`, s its value at the start and p the polynomial. From an exact zero on, s = 0, p alone is looked at:
-//! the zero at the start is divided out.
+//! A function is `f(t) = s + t p(t)`, with s its value at the start and p the polynomial. After an exact zero, s = 0, only p is tested: the
+//! zero at the start is divided out.
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler unrolls
 
 use super::bernstein::{INVERSE_BINOMIALS, crossing};
 use crate::vectors::{Path, fused};
 
-/// Bernstein coefficients: F fours, of degree 4F − 1.
+/// Bernstein coefficients in F vectors of four, of degree 4F − 1.
 pub(crate) type Row<P, const F: usize> = [<P as Path>::Four; F];
 
-/// The same as numbers.
+/// Bernstein coefficients as plain numbers.
 pub(crate) type Numbers<const F: usize> = [[f64; 4]; F];
 
-/// Most fours of a row.
+/// Largest number of vectors of four in a row.
 pub(crate) const MOST_FOURS: usize = 6;
-/// Coefficients of the largest row.
+/// Number of coefficients of the largest row.
 const MOST: usize = 4 * MOST_FOURS;
 
-/// What the signs of Bernstein coefficients tell of a function on `[0, 1]`, up to an uncertainty of its values.
+/// Pattern of the signs of the Bernstein coefficients of a function on `[0, 1]`, up to an uncertainty of its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pattern {
     /// All coefficients are above the uncertainty, and so are all values.
     Clear,
-    /// Coefficients above it, at most one that is neither, coefficients below its negative: one zero, and it is a fall.
+    /// Coefficients above the uncertainty, at most one undecided, then coefficients below its negative: one zero, a fall.
     Falls,
     /// Anything else.
     Unclear,
 }
 
-/// Tables for rows of F fours.
+/// Tables for rows of F vectors of four.
 struct Tables<const F: usize>;
 
 impl<const F: usize> Tables<F> {
-    /// The degree.
+    /// Degree.
     const LAST: usize = 4 * F - 1;
     /// `(i + 1)/(n + 1)`, n the degree: coefficient i + 1 of `t p` is that times `p_i`.
     const SHARES: Numbers<F> = {
@@ -57,7 +57,7 @@ impl<const F: usize> Tables<F> {
         }
         table
     };
-    /// i: the power of `u` from the left end.
+    /// Index i: the power of `u` from the left end.
     const INDICES: Numbers<F> = {
         let mut table = [[0.0; 4]; F];
         let mut i = 0;
@@ -69,7 +69,7 @@ impl<const F: usize> Tables<F> {
     };
 }
 
-/// A row of numbers, four side by side.
+/// Loads a row of numbers into vectors of four.
 #[inline(always)]
 pub(crate) fn fours<P: Path, const F: usize>(path: P, row: &Numbers<F>) -> Row<P, F> {
     let mut all = [path.all(0.0); F];
@@ -79,7 +79,7 @@ pub(crate) fn fours<P: Path, const F: usize>(path: P, row: &Numbers<F>) -> Row<P
     all
 }
 
-/// The numbers of a row.
+/// Returns the numbers of a row.
 #[inline(always)]
 pub(crate) fn numbers<P: Path, const F: usize>(path: P, row: &Row<P, F>) -> Numbers<F> {
     let mut numbers = [[0.0; 4]; F];
@@ -89,21 +89,21 @@ pub(crate) fn numbers<P: Path, const F: usize>(path: P, row: &Row<P, F>) -> Numb
     numbers
 }
 
-/// The sum of four.
+/// Returns the sum of four numbers.
 #[inline(always)]
 fn total([a, b, c, d]: [f64; 4]) -> f64 {
     (a + b) + (c + d)
 }
 
-/// `s + t p`, with s and `p = ±1` times a row.
+/// Function `s + t p`, with start s and p = `sign` times a row.
 pub(crate) struct Signed<'r, P: Path, const F: usize> {
     pub start: f64,
     pub sign: f64,
     pub row: &'r Row<P, F>,
 }
 
-/// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and a place: where it falls, nearly; where it is unclear, where
-/// its coefficients rise above the uncertainty again.
+/// Returns the pattern of `s + t p` on `[0, 1]` with values known to `uncertainty`, and a place. For a fall this is its approximate place,
+/// for an unclear pattern the place where the coefficients rise above the uncertainty again.
 #[inline(always)]
 pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, uncertainty: f64) -> (Pattern, f64) {
     let Signed { start, row, .. } = *of;
@@ -133,12 +133,12 @@ pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, u
     for i in 0..F {
         points[4 * i + usize::from(is_whole)..][..4].copy_from_slice(&path.numbers(b[i]));
     }
-    // Of the one that may be undecided its sign.
+    // The sign of the coefficient that may be undecided decides.
     let first = falling.0 as usize;
     (Pattern::Falls, crossing(&points[..count as usize], first + usize::from(points[first] >= 0.0)))
 }
 
-/// Whether all coefficients of `s + t p` are above the `uncertainty` because those of `p` are too small to bring it there.
+/// Returns whether all coefficients of `s + t p` are above the `uncertainty` because no coefficient of `p` outweighs s.
 #[inline(always)]
 pub(crate) fn stays_above<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>, uncertainty: f64) -> bool {
     let (room, mut below) = (path.all(start - uncertainty), 0b1111);
@@ -148,7 +148,7 @@ pub(crate) fn stays_above<P: Path, const F: usize>(path: P, start: f64, row: &Ro
     below == 0b1111
 }
 
-/// The largest size of `s + t p` at its control points up to `end`, point i of so many lying at i over their number.
+/// Returns the largest size of `s + t p` at its control points up to `end`. Control point i lies at i over the number of points.
 #[inline(always)]
 pub(crate) fn largest<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>, end: f64) -> f64 {
     let (start, mut most) = (path.all(start), path.all(start.abs()));
@@ -159,11 +159,11 @@ pub(crate) fn largest<P: Path, const F: usize>(path: P, start: f64, row: &Row<P,
     path.numbers(most).into_iter().fold(0.0, f64::max)
 }
 
-/// The parts of `[0, 1]`, from its start on, that a polynomial may be restricted to.
+/// Ends of the intervals `[0, t]` to which a polynomial may be restricted.
 pub(crate) const PARTS: [f64; 3] = [0.5, 0.25, 0.125];
 
-/// `C(i, j) tʲ (1 − t)ⁱ⁻ʲ` for each of the parts, by j and i: what coefficient j adds to coefficient i on `[0, t]`, whatever the degree. They
-/// are whole numbers over powers of two, and exact but for the eighth from i = 19 on: there they are off by 0.6 ε together.
+/// Shares `C(i, j) tʲ (1 − t)ⁱ⁻ʲ` of coefficient j in coefficient i on `[0, t]`, by part, j and i, for any degree. They are whole numbers
+/// over powers of two. They are exact, except those of the eighth from i = 19 on: their errors together are 0.6 ε.
 static ON_PARTS: [[[f64; MOST]; MOST]; PARTS.len()] = {
     let mut all = [[[0.0; MOST]; MOST]; PARTS.len()];
     let mut number = 0;
@@ -189,13 +189,13 @@ static ON_PARTS: [[[f64; MOST]; MOST]; PARTS.len()] = {
     all
 };
 
-/// Roundings of one of so many coefficients on a part, in units of ε times the largest coefficient of all: half a unit for each sum, half a unit
-/// for all products, one for what the shares are off.
+/// Returns the rounding of one of `count` coefficients on a part, in units of ε times the largest coefficient: half a unit for each sum,
+/// half a unit for all products, and one for the errors of the shares.
 const fn roundings(count: usize) -> f64 {
     0.5 * count as f64 + 1.5
 }
 
-/// The row of `t p(t)` on `[0, PARTS[number]]`, and a bound on its rounding.
+/// Returns the row of `t p(t)` on `[0, PARTS[number]]`, and a bound on its rounding.
 #[inline(always)]
 pub(crate) fn restrict<P: Path, const F: usize>(path: P, row: &Row<P, F>, number: usize) -> (Row<P, F>, f64) {
     let (mut sums, mut most, from) = ([path.all(0.0); F], path.all(0.0), numbers(path, row));
@@ -214,7 +214,7 @@ pub(crate) fn restrict<P: Path, const F: usize>(path: P, row: &Row<P, F>, number
     (sums, PARTS[number] * f64::EPSILON * roundings(4 * F) * most)
 }
 
-/// A place in `[0, 1]` by its distances from the nearer end and from the other one.
+/// A place in `[0, 1]`, given by its distances from both ends.
 #[derive(Clone, Copy)]
 struct Ends {
     is_left: bool,
@@ -223,8 +223,8 @@ struct Ends {
 }
 
 impl Ends {
-    /// The place nearest to `t` whose distance from 1 is a double: powers would multiply a rounding of that. From the left end or from the
-    /// right one.
+    /// Returns the place nearest to `t` whose distance from 1 is a double, so that powers do not multiply its rounding. Distances are from
+    /// the left end, or from the right one.
     #[inline(always)]
     fn new(t: f64, is_left: bool) -> Self {
         let rest = 1.0 - t;
@@ -238,15 +238,15 @@ impl Ends {
     }
 }
 
-/// The Bernstein polynomials of degree n at a place: `B_i(t) = C(n, i) tⁱ (1 − t)ⁿ⁻ⁱ`.
+/// Bernstein polynomials of degree n at a place: `B_i(t) = C(n, i) tⁱ (1 − t)ⁿ⁻ⁱ`.
 pub(crate) struct Place<P: Path, const F: usize> {
-    /// Without the factor that is `weight`.
+    /// Values without the common factor `weight`.
     basis: Row<P, F>,
     far: f64,
 }
 
 impl<P: Path, const F: usize> Place<P, F> {
-    /// Those at `t`.
+    /// Evaluates the Bernstein polynomials at `t`.
     #[inline(always)]
     pub fn new(path: P, t: f64) -> Self {
         let Ends { is_left, near, far } = Ends::new(t, t <= 0.5);
@@ -263,7 +263,7 @@ impl<P: Path, const F: usize> Place<P, F> {
         Self { basis, far }
     }
 
-    /// What [`value`](Self::value) leaves out: `(1 − t)ⁿ`, or `tⁿ` nearer to that end.
+    /// Returns the factor that [`value`](Self::value) omits: `(1 − t)ⁿ`, or `tⁿ` nearer to that end.
     #[inline(always)]
     pub fn weight(&self) -> f64 {
         let product = |a: [f64; 2], b: [f64; 2]| {
@@ -280,7 +280,7 @@ impl<P: Path, const F: usize> Place<P, F> {
         all[0] + all[1]
     }
 
-    /// `Σ b_i B_i(t)` over the weight.
+    /// Returns `Σ b_i B_i(t)` divided by the weight.
     #[inline(always)]
     pub fn value(&self, path: P, row: &Row<P, F>) -> f64 {
         let mut sums = path.times(row[0], self.basis[0]);
@@ -291,21 +291,21 @@ impl<P: Path, const F: usize> Place<P, F> {
     }
 }
 
-/// Iterations of Halley's method: from the first guess two are enough most often.
+/// Maximum number of iterations of Halley's method; two usually suffice from the first guess.
 const ITERATIONS: usize = 32;
 
-/// Longest last step, relative to the place x: where `x² p‴` is below a hundred slopes, what is left is below a tenth of a unit in the last
-/// place.
+/// Longest last step, relative to the place x. If `x² p‴` is below a hundred slopes, the remaining error is below a tenth of a unit in the
+/// last place.
 const SETTLED: f64 = 1e-6;
 
-/// Whether a `step` of Halley's method, over which the slope changes by a `share`, is the last one at `place`. What is left is of third
-/// order: the square of the share times the step has to be below rounding, and the step so short that what the third derivative adds is.
+/// Returns whether a `step` of Halley's method, with the relative change `share` of the slope, is the last one at `place`. The remaining
+/// error is of third order. The square of the share times the step must be below rounding, and the third derivative negligible.
 #[inline(always)]
 fn is_settled(place: f64, step: f64, share: f64) -> bool {
     step.abs() <= SETTLED * place && share * share * step.abs() <= 0.25 * f64::EPSILON * place
 }
 
-/// The polynomial of a row near one end: `p = farⁿ Σ c_i uⁱ`, `u = near/far`; and the same with i and `i²` in front.
+/// Sums of a row near one end: `p = farⁿ Σ c_i uⁱ`, `u = near/far`, and the same with the factors i and `i²`.
 struct Sums<P: Path, const F: usize>([Row<P, F>; 3]);
 
 impl<P: Path, const F: usize> Sums<P, F> {
@@ -324,7 +324,7 @@ impl<P: Path, const F: usize> Sums<P, F> {
         Self(rows)
     }
 
-    /// Value and first two derivatives by t.
+    /// Returns the value and the first two derivatives with respect to t.
     #[inline(always)]
     fn at(&self, path: P, ends: Ends) -> [f64; 3] {
         let Ends { is_left, near, far } = ends;
@@ -346,10 +346,10 @@ impl<P: Path, const F: usize> Sums<P, F> {
             let two = far * far;
             let four = two * two;
             let eight = four * four;
-            // As in `weight`.
+            // The power is computed as in `weight`.
             (eight * eight) * if F == MOST_FOURS { four * (two * far) } else { two * far }
         };
-        // By log u, whose derivative by the distance is `1/(near far)`.
+        // Derivatives are with respect to log u, whose derivative with respect to the distance is `1/(near far)`.
         let rate = 1.0 / (near * far);
         let by_log = first - n * near * value;
         let twice = second - 2.0 * n * near * first + n * near * (n * near - far) * value;
@@ -358,8 +358,8 @@ impl<P: Path, const F: usize> Sums<P, F> {
     }
 }
 
-/// The zero of `s + t p` on `[0, until]`, which [`Falls`](Pattern::Falls) there, from a `guess` on; and value and slope there, of `p` where
-/// `s` is zero. `None` if Halley's method does not settle.
+/// Returns the zero of `s + t p` on `[0, until]`, a fall by [`Falls`](Pattern::Falls), from a `guess`, with value and slope there (of `p`
+/// if `s` is zero). `None` if Halley's method does not converge.
 #[inline(always)]
 pub(crate) fn fall<P: Path, const F: usize>(
     path: P,
@@ -408,7 +408,7 @@ mod tests {
                 let (mut binomial, mut off) = (1, 0.0);
                 for j in 0..=i {
                     let exact: u128 = binomial * (cells - 1).pow((i - j) as u32);
-                    // The powers of two are exact, and so is a whole number above 2⁵³ that is a double.
+                    // Powers of two are exact, and so is a whole number above 2⁵³ that is a double.
                     let own = (shares[j][i] * (cells as f64).powi(i as i32)) as u128;
                     off += own.abs_diff(exact) as f64 / (cells as f64).powi(i as i32);
                     binomial = binomial * (i - j) as u128 / (j + 1) as u128;
@@ -418,7 +418,7 @@ mod tests {
         }
     }
 
-    /// A row of numbers on a part, and the bound.
+    /// Restriction of a row of numbers to a part, with its bound.
     struct Restricted<const F: usize>(Numbers<F>, usize);
 
     impl<const F: usize> Work for Restricted<F> {

@@ -6,26 +6,26 @@ use super::{
 };
 use crate::vectors::{Baseline, Path};
 
-/// Where a polynomial that starts positive first falls through zero.
+/// First fall through zero of a polynomial that starts positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FirstRoot {
-    /// Proven: it does not.
+    /// Proven: no fall.
     None,
-    /// It does, here; proven to be the first place.
+    /// Place of the fall, proven to be the first.
     At(f64),
 }
 
-/// What the isolation found.
+/// Result of the isolation of the first root.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isolation {
     /// The first fall through zero.
     pub root: FirstRoot,
-    /// The first place before it where the polynomial is zero to within the uncertainty and does not cross: near its lowest
-    /// point, which may lie beyond an end.
+    /// First place before the root where the polynomial is zero within the uncertainty without crossing. It is near the lowest point, which
+    /// may lie beyond an end.
     pub touch: Option<f64>,
-    /// Subdivisions spent.
+    /// Number of subdivisions.
     pub splits: u32,
-    /// Proven by its coefficients alone: it is above the uncertainty on all of `[0, 1]`.
+    /// True if the coefficients alone prove that the polynomial is above the uncertainty on all of `[0, 1]`.
     pub is_clear: bool,
 }
 
@@ -33,15 +33,14 @@ impl Isolation {
     const CLEAR: Self = Self { root: FirstRoot::None, touch: None, splits: 0, is_clear: true };
 }
 
-/// Splitting stops at intervals of this many halvings: 2⁻⁵² of the step, one unit in its last place.
+/// Maximum number of halvings: 2⁻⁵² of the step, one unit in its last place.
 const MAX_DEPTH: u32 = 52;
 
 /// Finds the first place in `[0, limit]`, `limit ≤ 1`, where `p` falls through zero.
 ///
-/// `uncertainty ≥ 0` bounds the error of the values of `p` on `[0, 1]` (truncated tail and rounding). Values
-/// within it cannot be told from zero: a dip no deeper than that is a touch, not a crossing. If the first
-/// non-zero coefficient is negative the polynomial is outside from the start and the root is at 0, unless it comes back
-/// without a dip deeper than that.
+/// `uncertainty ≥ 0` bounds the error of the values of `p` on `[0, 1]` (truncated tail and rounding). Values within it cannot be
+/// distinguished from zero: a dip no deeper than that is a touch, not a crossing. If the first non-zero coefficient is negative, the root
+/// is at 0, unless the polynomial returns above zero without a deeper dip.
 ///
 /// # Panics
 /// If `p` is empty or has a degree above [`MAX_DEGREE`](super::MAX_DEGREE).
@@ -50,7 +49,7 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     first_root_on(Baseline, p, limit, uncertainty)
 }
 
-/// As [`first_root`], compiled for the set of `path`: the same bits by every set.
+/// Does the same as [`first_root`], compiled for the set of `path`: every set gives the same bits.
 #[inline(always)]
 pub(crate) fn first_root_on<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     if bernstein::certainly_positive(p, uncertainty) {
@@ -64,9 +63,9 @@ pub(crate) fn first_root_on<P: Path>(path: P, p: &[f64], limit: f64, uncertainty
     Isolation { root, is_clear: false, ..Isolation::CLEAR }
 }
 
-/// The same where the signs of all coefficients together do not decide.
+/// Searches for the first root by subdivision, where the signs of all coefficients together do not decide.
 fn search(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
-    // Trailing terms that together stay far below the uncertainty only make the polynomial longer.
+    // Trailing terms that stay far below the uncertainty only increase the degree.
     let (mut n, mut dropped) = (p.len() - 1, 0.0);
     while n > 1 && dropped + p[n].abs() <= 0.125 * uncertainty {
         dropped += p[n].abs();
@@ -75,13 +74,13 @@ fn search(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     let (all, p) = (p, &p[..=n]);
     let mut search = Search { p, limit, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
     let start = Bernstein::from_power(p, limit);
-    // What went below zero and never came back has crossed, however little.
+    // A fall below zero without a return is a crossing, however small.
     let root = search.first(start, 0.0, limit, 0).or(search.shallow);
     if let (Some(t), Some(x)) = (search.touch, root)
         && t < x
         && super::eval(p, 0.5 * (t + x)) <= search.uncertainty
     {
-        // It stays within the uncertainty up to the crossing: one crossing of high order.
+        // The polynomial stays within the uncertainty up to the crossing: one crossing of high order.
         search.touch = None;
     }
     let root = root.map(|root| if n + 1 < all.len() { closer(all, root, limit, dropped) } else { root });
@@ -93,8 +92,8 @@ fn search(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     }
 }
 
-/// A root of the shortened polynomial, moved to that of `p`: by Newton's method, as long as the values shrink and it stays where what was
-/// `dropped` explains it.
+/// Refines a root of the shortened polynomial to that of `p` by Newton's method. It stops when the values no longer shrink, or when the
+/// root moves further than the `dropped` terms explain.
 fn closer(p: &[f64], root: f64, limit: f64, dropped: f64) -> f64 {
     let (mut x, (mut f, mut slope)) = (root, eval_with_slope(p, root));
     while f != 0.0 && slope < 0.0 {
@@ -112,7 +111,7 @@ struct Search<'a> {
     p: &'a [f64],
     limit: f64,
     uncertainty: f64,
-    /// Where it last fell through zero, as long as it has not gone below the uncertainty since, nor come back.
+    /// Place of the last fall through zero, while the polynomial has neither gone below the uncertainty nor returned.
     shallow: Option<f64>,
     touch: Option<f64>,
     splits: u32,
@@ -128,7 +127,7 @@ impl Search<'_> {
             return Some(lo);
         }
         if start < 0.0 {
-            // Outside from the start, but not told from zero there.
+            // The polynomial is outside from the start, but within the uncertainty there.
             self.shallow = Some(lo);
             return self.follow(b, lo, hi, depth);
         }
@@ -145,7 +144,7 @@ impl Search<'_> {
             }
         }
         if depth >= MAX_DEPTH || b.largest() <= self.uncertainty {
-            // Not to be told from zero on the whole interval: a touch, unless it comes out negative.
+            // The whole interval is within the uncertainty: a touch, unless the polynomial ends negative.
             if b.b[b.n] < 0.0 {
                 return self.fallen(0.5 * (lo + hi), &b);
             }
@@ -162,12 +161,12 @@ impl Search<'_> {
         self.first(b, lo, mid, depth + 1).or_else(|| self.first(right, mid, hi, depth + 1))
     }
 
-    /// Without a change of sign: the first place where it cannot be told from zero is a touch.
+    /// Searches an interval without a change of sign: the first place within the uncertainty is a touch.
     fn near(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) {
         if self.touch.is_some() || b.first_sign() <= 0.0 || b.coefficients().iter().all(|c| *c > self.uncertainty) {
             return;
         }
-        // Strictly falling to the end of the search: its minimum is not inside.
+        // A polynomial that falls strictly up to the limit has no minimum inside.
         if hi >= self.limit && b.coefficients().is_sorted_by(|a, b| a > b) {
             return;
         }
@@ -182,7 +181,7 @@ impl Search<'_> {
         self.near(right, mid, hi, depth + 1);
     }
 
-    /// It fell through zero at `root` and ends the interval below: a crossing if it is deeper than the uncertainty.
+    /// Handles a fall through zero at `root` on an interval that ends below zero: a crossing if its end is deeper than the uncertainty.
     fn fallen(&mut self, root: f64, b: &Bernstein) -> Option<f64> {
         if b.b[b.n] < -self.uncertainty {
             return Some(root);
@@ -191,8 +190,8 @@ impl Search<'_> {
         None
     }
 
-    /// After a shallow fall: the crossing it was if the polynomial gets deeper than the uncertainty before it is
-    /// back above zero, else a touch.
+    /// Continues after a shallow fall. The fall is a crossing if the polynomial gets deeper than the uncertainty before it returns above
+    /// zero, else a touch.
     fn follow(&mut self, b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
         let end = b.b[b.n];
         let is_deep = b.coefficients().iter().any(|c| *c < -self.uncertainty);
@@ -209,7 +208,7 @@ impl Search<'_> {
     }
 }
 
-/// The single zero in `[lo, hi]`, where `p` falls: Halley's method kept inside a shrinking bracket.
+/// Returns the single zero in `[lo, hi]`, where `p` falls: Halley's method inside a shrinking bracket.
 #[inline(always)]
 fn polish(p: &[f64], mut lo: f64, mut hi: f64, start: f64) -> f64 {
     let mut x = start;
@@ -223,7 +222,7 @@ fn polish(p: &[f64], mut lo: f64, mut hi: f64, start: f64) -> f64 {
         } else {
             hi = x;
         }
-        // By ratios: products of small values vanish.
+        // Ratios are used because products of small values vanish.
         let newton = -f / slope;
         let step = newton / (1.0 + 0.5 * newton * (bent / slope));
         let next = if x + step >= lo && x + step <= hi { x + step } else { 0.5 * (lo + hi) };

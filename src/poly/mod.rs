@@ -20,18 +20,18 @@ pub(crate) use falling::{
 pub(crate) use first_root::first_root_on;
 pub use first_root::{FirstRoot, Isolation, first_root};
 
-/// `p(x)` by Horner's rule.
+/// Evaluates `p(x)` by Horner's rule.
 #[must_use]
 pub fn eval(p: &[f64], x: f64) -> f64 {
     p.iter().rev().fold(0.0, |s, c| s * x + c)
 }
 
-/// `Σ |p_k| xᵏ`: the sum of the sizes of the terms at `x ≥ 0`.
+/// Returns `Σ |p_k| xᵏ`: the sum of the sizes of the terms at `x ≥ 0`.
 pub(crate) fn terms(p: &[f64], x: f64) -> f64 {
     p.iter().rev().fold(0.0, |s, c| s * x + c.abs())
 }
 
-/// The coefficients beyond the last whole four.
+/// Returns the coefficients beyond the last whole four, padded with zeros.
 #[inline(always)]
 fn top(p: &[f64]) -> [f64; 4] {
     match *p.as_chunks::<4>().1 {
@@ -42,8 +42,8 @@ fn top(p: &[f64]) -> [f64; 4] {
     }
 }
 
-/// `p(x)`, `p′(x)` and `p″(x)`, four coefficients side by side: `p = Σ_l xˡ s_l(x⁴)`. By Horner's rule each operation would wait for the one
-/// before. No product is fused: all sets of instructions give the same bits, and so do a step and the leap that stands for it.
+/// Evaluates `p(x)`, `p′(x)` and `p″(x)`, four coefficients side by side: `p = Σ_l xˡ s_l(x⁴)`. Horner's rule would make each operation
+/// wait for the last. No product is fused: all instruction sets give the same bits, and so do a step and the leap in its place.
 #[inline(always)]
 pub(crate) fn eval_with_derivatives(p: &[f64], x: f64) -> [f64; 3] {
     let (square, cube) = (x * x, x * x * x);
@@ -67,16 +67,16 @@ pub(crate) fn eval_with_derivatives(p: &[f64], x: f64) -> [f64; 3] {
     terms.map(|[a, b, c, d]| (a + b) + (c + d))
 }
 
-/// `(p(x), p′(x))` by Horner's rule.
+/// Evaluates `(p(x), p′(x))` by Horner's rule.
 #[must_use]
 pub fn eval_with_slope(p: &[f64], x: f64) -> (f64, f64) {
     p.iter().rev().fold((0.0, 0.0), |(s, d), c| (s * x + c, d * x + s))
 }
 
-/// Highest degree these routines accept.
+/// Highest degree that these routines accept.
 pub const MAX_DEGREE: usize = 40;
 
-/// `p(low + width θ)` in place of `p(θ)`.
+/// Replaces `p(θ)` by `p(low + width θ)`.
 pub fn shift(p: &mut [f64], low: f64, width: f64) {
     if low != 0.0 {
         for level in 1..p.len() {
@@ -105,14 +105,14 @@ static INTEGRALS: [f64; 2 * MAX_DEGREE + 1] = {
     table
 };
 
-/// `∫₀¹ p xˡ dx` for each l, of degrees that are 80 at most together: with these the integral of `p q` is the [`dot`] product with q.
+/// Computes `∫₀¹ p xˡ dx` for each l, for degrees of at most 80 together: the integral of `p q` is the [`dot`] product with q.
 pub fn moments(p: &[f64], moments: &mut [f64]) {
     for (l, moment) in moments.iter_mut().enumerate() {
         *moment = dot(p, &INTEGRALS[l..]);
     }
 }
 
-/// `Σ a_k b_k` over the shorter one, four side by side.
+/// Returns `Σ a_k b_k` over the shorter slice, four terms side by side.
 #[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let length = a.len().min(b.len());

@@ -1,9 +1,9 @@
-//! Rigid bodies and what holds them.
+//! Rigid bodies and their supports.
 
 use super::{node::Node, plausible};
 use crate::train::{Body, Damping, Support};
 
-/// The body written here; `radius` is the one its geometry gives, if that is known.
+/// Reads a body; `radius` is that of its geometry, if known.
 pub(super) fn read(node: &Node, radius: Option<f64>) -> Body {
     let radius_node = node.at("radius_m");
     let radius = radius_node.clone().written().map(|r| r.number()).or(radius).unwrap_or_else(|| {

@@ -1,4 +1,4 @@
-//! From a resolved scene to what runs.
+//! Construction of the train, start and run of a resolved scene.
 
 use serde_json::{Value, json};
 
@@ -17,10 +17,10 @@ use crate::{
     train::TrainError,
 };
 
-/// The kind of train in dimensionless form.
+/// Kind of train in dimensionless form.
 const DIMENSIONLESS: &str = "gear-pair-dimensionless";
 
-/// Units of the keys of a scene, told by its train.
+/// Returns the units of the keys of a scene, by its train.
 pub(super) fn units_of(scene: &Value) -> Units {
     if scene.pointer("/train/kind").and_then(Value::as_str) == Some(DIMENSIONLESS) { Units::None } else { Units::Si }
 }
@@ -41,7 +41,7 @@ pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
     }
 }
 
-/// What is wrong with the train of a scene whose other parts have faults already.
+/// Returns the faults of the train in a scene whose other parts have faults already.
 pub(super) fn faults_of_train(resolved: &Value) -> Vec<Fault> {
     let findings = Findings::default();
     read_train(&Node::root(resolved, &findings, units_of(resolved)).at("train"));
@@ -78,7 +78,7 @@ fn read(root: &Node) -> Option<Built> {
     })
 }
 
-/// The train in its common form, and the speed of its frame if that turns.
+/// Returns the train in its common form, and the speed of its frame if that rotates.
 fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
     let (spec, carrier_speed) = match train.at("kind").text() {
         DIMENSIONLESS => (dimensionless::read(train), None),
@@ -97,7 +97,7 @@ fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
     } else if !train.has_faults()
         && let Err(error) = spec.check()
     {
-        // Where the train writes out its contacts, at the one it is about.
+        // If the train lists its contacts, the fault is at the contact concerned.
         let items = train.at("contacts").items();
         let place = match &error {
             AssembleError::Contact { contact, .. } => {
@@ -111,7 +111,7 @@ fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
     Some((spec, carrier_speed))
 }
 
-/// Where products of the numbers of a scene have overflowed, if they have.
+/// Returns the name of a product of numbers of a scene that has overflowed, if any.
 fn first_overflow(spec: &Spec) -> Option<String> {
     let law = |law: &Law| match law {
         Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping,
@@ -136,7 +136,7 @@ fn first_overflow(spec: &Spec) -> Option<String> {
     }
 }
 
-/// What a train's own assembly returned; its refusal becomes a fault at the key it is about.
+/// Returns the result of a train's assembly; its refusal becomes a fault at the key concerned.
 pub(super) fn assembled<T>(node: &Node, result: Result<T, TrainError>) -> Option<T> {
     let refused = |error: TrainError| {
         let (key, allowed, remedy) = match &error {

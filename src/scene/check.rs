@@ -1,4 +1,4 @@
-//! A value against its shape: every fault at once, and the value with every default written out.
+//! Check of a value against its shape: all faults at once, and the value with every default written out.
 
 use serde_json::{Map, Value};
 
@@ -8,8 +8,7 @@ use super::{
 };
 use crate::hybrid::Wide;
 
-/// Checks `value` and returns it resolved: defaults written out, numbers in one spelling. Where it has
-/// faults the result is not to be used.
+/// Checks `value` and returns it resolved: defaults written out, numbers in one form. With faults the result must not be used.
 pub(super) fn check(value: &Value, shape: &Shape, pointer: &str, faults: &mut Vec<Fault>) -> Value {
     match (shape, value) {
         (Shape::Number(span), Value::Number(number)) => {
@@ -79,13 +78,13 @@ pub(super) fn check(value: &Value, shape: &Shape, pointer: &str, faults: &mut Ve
 }
 
 fn whole(number: &serde_json::Number) -> Option<u64> {
-    // 3.0 is as good as 3: many programs write every number with a point.
+    // 3.0 is accepted as 3: many programs write every number with a point.
     number
         .as_u64()
         .or_else(|| number.as_f64().filter(|x| (0.0..9.0e15).contains(x) && x.fract() == 0.0).map(|x| x as u64))
 }
 
-/// `p/q` of whole numbers from 1 to 10⁴: from the double nearest to it both are known again.
+/// Returns the value of `p/q`, whole numbers from 1 to 10⁴: both can be recovered from the nearest double.
 fn ratio(text: &str) -> Option<f64> {
     let (p, q) = text.split_once('/')?;
     let [p, q] = [p, q].map(|part| part.trim().parse::<u16>().ok().filter(|part| (1..=10_000).contains(part)));

@@ -1,7 +1,7 @@
 //! Times and frequencies that the clock of a run resolves.
 //!
 //! An instant is a cycle, counted exactly, and a phase of 32 digits ([`Instant`](crate::hybrid::Instant)). Cycles are multiplied as
-//! doubles, so their number has at most 53 bits. Two switches of a stiffness are two instants if a double tells their phases apart.
+//! doubles, so their number has at most 53 bits. Two switches of a stiffness are two instants if their phases differ as doubles.
 
 use std::f64::consts::TAU;
 
@@ -15,12 +15,12 @@ use crate::{
     system::{ContactSpec, Spec},
 };
 
-/// Frequencies, rad/s, and periods, s: products of several stay far from the ends of a double.
+/// Limits of frequencies, rad/s, and periods, s: products of several stay far from the ends of a double.
 const SMALLEST: f64 = 1e-100;
 const LARGEST: f64 = 1e100;
-/// Cycles of a period: whole numbers are doubles up to here.
+/// Most cycles of a period: larger whole numbers are no exact doubles.
 const MOST_CYCLES: f64 = (1u64 << 53) as f64;
-/// Relative error of a multiple that is written as a number.
+/// Largest relative error of a multiple that is written as a number.
 const ROUNDED: f64 = 1e-14;
 /// Shortest piece of a stiffness, relative to the longest phase: 256 units in the last place of it.
 const SHORTEST: f64 = 256.0 * f64::EPSILON;
@@ -33,7 +33,7 @@ fn of_waves(waves: &[Harmonic]) -> impl Iterator<Item = f64> {
     waves.iter().map(|wave| wave.omega)
 }
 
-/// Frequencies of a stiffness, rad/s.
+/// Returns the frequencies of a stiffness, rad/s.
 fn frequencies(stiffness: &Stiffness) -> Vec<f64> {
     match stiffness {
         Stiffness::Harmonic { harmonics, .. } => of_waves(harmonics).collect(),
@@ -42,7 +42,7 @@ fn frequencies(stiffness: &Stiffness) -> Vec<f64> {
     }
 }
 
-/// The shortest piece of a schedule that repeats, s.
+/// Returns the shortest piece of a schedule that repeats, s.
 fn shortest_piece(stiffness: &Stiffness) -> Option<f64> {
     let Stiffness::Periodic { period, pieces, .. } = stiffness else { return None };
     let starts = pieces.iter().map(|piece| piece.start);
@@ -50,7 +50,7 @@ fn shortest_piece(stiffness: &Stiffness) -> Option<f64> {
     starts.zip(ends).map(|(start, end)| (end - start) * period).reduce(f64::min)
 }
 
-/// Largest time that a schedule names, s: its next period, or the last of listed times.
+/// Returns the largest time in a schedule, s: its next period, or the last of listed times.
 fn furthest(stiffness: &Stiffness) -> f64 {
     match stiffness {
         Stiffness::Periodic { period, origin, .. } => period + origin.abs(),
@@ -59,7 +59,7 @@ fn furthest(stiffness: &Stiffness) -> f64 {
     }
 }
 
-/// Refuses what the clock of the run does not resolve, with the numbers.
+/// Refuses numbers that the clock of the run does not resolve.
 pub(super) fn check(root: &Node, spec: &Spec, run: &Run) {
     let (train, run_node) = (root.at("train"), root.at("run"));
     let in_unit = |value: f64, unit: &str| {
@@ -81,7 +81,7 @@ pub(super) fn check(root: &Node, spec: &Spec, run: &Run) {
         );
         return;
     }
-    // The key that says how long the run is, and how many cycles come before it.
+    // Key of the length of the run, or of the number of cycles before it.
     let t_end = run_node.at_unit("t_end", "s");
     let place = match run.duration {
         Duration::Until(_) => t_end,
@@ -94,7 +94,7 @@ pub(super) fn check(root: &Node, spec: &Spec, run: &Run) {
         return;
     }
     let forcing = spec.omega.map(|omega| TAU / omega);
-    // A multiple of the base frequency keeps its phase in any cycle; other frequencies go by time.
+    // A multiple of the base frequency keeps its phase in any cycle; other frequencies use time.
     let is_multiple =
         |omega: f64| spec.omega.is_some_and(|base| ((omega / base).round() * base - omega).abs() <= ROUNDED * omega);
     let by_time = all.iter().map(|omega| omega.abs()).filter(|omega| *omega > 0.0 && !is_multiple(*omega));

@@ -10,7 +10,7 @@ fn keys(units: super::shape::Units) -> (String, String) {
     (units.key("half_backlash", "m"), units.key("total_backlash", "m"))
 }
 
-/// Law and half gap of a mesh or contact that writes its gap under the two keys.
+/// Reads law and half gap of a mesh or contact that has its gap under the two keys.
 pub(super) fn read_gap(node: &Node, flanks: Flanks, law: Law) -> (Law, f64) {
     let (half_key, total_key) = keys(node.units);
     let (half, total) = (node.at(&half_key), node.at(&total_key));
@@ -29,8 +29,8 @@ pub(super) fn read_gap(node: &Node, flanks: Flanks, law: Law) -> (Law, f64) {
     (law, 0.0)
 }
 
-/// Law and half gap `b`, written at `node`: a gap for every law that has flanks, none for a bilateral one, and
-/// a bilateral mesh where there are two flanks and no gap between them.
+/// Returns law and half gap `b`, written at `node`. Every law with flanks has a gap, a bilateral one has none; two flanks without a gap
+/// between them become a bilateral mesh.
 pub(super) fn close(node: &Node, b: f64, flanks: Flanks, law: Law) -> (Law, f64) {
     if law.is_bilateral() {
         if b != 0.0 {
@@ -62,7 +62,7 @@ pub(super) fn close(node: &Node, b: f64, flanks: Flanks, law: Law) -> (Law, f64)
     (law, 0.0)
 }
 
-/// The stiffness a law needs: one for a compliant law, none for a rigid one.
+/// Reads the stiffness of a law: one for a compliant law, none for a rigid one.
 pub(super) fn read_stiffness(node: &Node, law: &Law) -> Stiffness {
     match (law, node.clone().written()) {
         (Law::Rigid(_), None) => Stiffness::Constant(0.0),
@@ -84,7 +84,7 @@ pub(super) fn read_stiffness(node: &Node, law: &Law) -> Stiffness {
     }
 }
 
-/// The contact written here, number `index`, on `n` freedoms.
+/// Reads a contact, number `index`, on `n` freedoms.
 pub(super) fn read(node: &Node, index: usize, n: usize) -> ContactSpec {
     let flanks = if node.at("flanks").text() == "drive" { Flanks::Drive } else { Flanks::Both };
     let direction = node.at("direction").vector(n);

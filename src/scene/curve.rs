@@ -1,27 +1,27 @@
-//! Curves of measured points, as a scene has them.
+//! Curves of measured points in a scene.
 
 use super::node::Node;
 use crate::gear::{Curve, Harmonic, MeshHarmonic, Series, Through};
 
-/// A value that closes a period, relative to the largest one.
+/// Largest difference of values that closes a period, relative to the largest one.
 const CLOSED: f64 = 1e-9;
-/// A place that closes a period, in mean distances of the points: angles are rounded.
+/// Largest difference of places that closes a period, in mean distances of the points: angles are rounded.
 const WHOLE: f64 = 1e-3;
 
-/// A curve and the number of mesh periods that it covers.
+/// Curve and the number of mesh periods that it covers.
 pub(super) struct OverMesh {
     pub curve: Curve,
     pub periods: u32,
 }
 
-/// Tells that a curve is written here.
+/// Returns whether a curve is written here.
 pub(super) fn is_curve(node: &Node) -> bool {
     node.at("points").is_list() || node.at("table").is_text()
 }
 
-/// The curve that is written here, in SI units; `units` are the names of those of its values with their factors, the usual one first.
+/// Reads a curve, in SI units; `units` are the names of units of its values with their factors, the usual one first.
 pub(super) fn read(node: &Node, units: &[(&str, f64)]) -> Option<Curve> {
-    // The first one is that of values without a unit; the shape allows no others.
+    // The first unit is that of values without a unit; the shape allows no others.
     let factor = units.iter().find(|(name, _)| *name == node.at("unit").text()).unwrap_or(&units[0]).1;
     let turn = match node.at("place").text() {
         "deg" => 360.0,
@@ -42,7 +42,7 @@ pub(super) fn read(node: &Node, units: &[(&str, f64)]) -> Option<Curve> {
     Some(Curve::new(places, values))
 }
 
-/// The points of one period, the end of which repeats its beginning or is left out.
+/// Returns the points of one period, whose end repeats its beginning or is left out.
 fn closed(list: &Node, mut rows: Vec<[f64; 2]>) -> Option<Vec<[f64; 2]>> {
     let items = list.items();
     let [first, last] = [*rows.first()?, *rows.last()?];
@@ -95,7 +95,7 @@ fn closed(list: &Node, mut rows: Vec<[f64; 2]>) -> Option<Vec<[f64; 2]>> {
     Some(rows)
 }
 
-/// The curve that is written here over mesh periods; `teeth` are those of the driving and the driven gear.
+/// Reads a curve over mesh periods; `teeth` are those of the driving and the driven gear.
 pub(super) fn over_mesh(node: &Node, units: &[(&str, f64)], teeth: Option<[u32; 2]>) -> Option<OverMesh> {
     let over = node.at("over");
     let periods = match (over.text(), teeth) {
@@ -112,7 +112,7 @@ pub(super) fn over_mesh(node: &Node, units: &[(&str, f64)], teeth: Option<[u32; 
     Some(OverMesh { curve: read(node, units)?, periods })
 }
 
-/// The series of a curve, whose residual the user is told.
+/// Returns the series of a curve, and adds its residual to the remarks.
 pub(super) fn series(node: &Node, curve: &Curve, through: Through) -> Series {
     let most = node.at("harmonics").written().map(|most| most.whole() as usize);
     let series = curve.series(most, through);
@@ -125,7 +125,7 @@ pub(super) fn series(node: &Node, curve: &Curve, through: Through) -> Series {
     series
 }
 
-/// The curve of a stiffness, which is nowhere below 0.
+/// Returns the curve of a stiffness, which must not be negative.
 pub(super) fn stiffness(node: &Node, curve: Curve) -> Option<Curve> {
     if curve.mean() <= 0.0 || curve.values().iter().any(|value| *value < 0.0) {
         node.at("points").refuse("stiffnesses >= 0, some of them above 0", "correct the values, or their scale");
@@ -134,7 +134,7 @@ pub(super) fn stiffness(node: &Node, curve: Curve) -> Option<Curve> {
     Some(curve)
 }
 
-/// Mean and harmonics, relative to it, of a stiffness through points.
+/// Returns mean and harmonics, relative to it, of a stiffness through points.
 pub(super) fn relative_series(node: &Node, curve: &Curve) -> (f64, Vec<MeshHarmonic>) {
     let Series { mean, mut harmonics, .. } = series(node, curve, Through::Lines);
     harmonics.iter_mut().for_each(|h| h.amplitude /= mean);
@@ -144,7 +144,7 @@ pub(super) fn relative_series(node: &Node, curve: &Curve) -> (f64, Vec<MeshHarmo
     (mean, harmonics)
 }
 
-/// Harmonics in a mesh's own clock, as sines.
+/// Reads harmonics in a mesh's own clock, as sines.
 pub(super) fn mesh_error(node: &Node, teeth: Option<[u32; 2]>) -> Option<(f64, Vec<MeshHarmonic>)> {
     let OverMesh { curve, periods } = over_mesh(node, &LENGTHS, teeth)?;
     let series = series(node, &curve, Through::Spline);
@@ -156,14 +156,14 @@ pub(super) fn mesh_error(node: &Node, teeth: Option<[u32; 2]>) -> Option<(f64, V
     Some((series.mean, series.harmonics.iter().map(sine).collect()))
 }
 
-/// Harmonics in time, of a curve with a period and an origin of its own.
+/// Reads harmonics in time, of a curve with a separate period and origin.
 pub(super) fn in_time(node: &Node, units: &[(&str, f64)]) -> Option<(f64, Vec<Harmonic>)> {
     let curve = read(node, units)?;
     let series = series(node, &curve, Through::Spline);
     Some((series.mean, timed(node, &series.harmonics)))
 }
 
-/// Harmonics of a curve in time, by the period and the origin that are written here.
+/// Returns the harmonics of a curve in time, by its period and origin.
 pub(super) fn timed(node: &Node, harmonics: &[MeshHarmonic]) -> Vec<Harmonic> {
     let (period, origin) = (node.at_unit("period", "s").number(), node.at_unit("origin", "s").number());
     harmonics.iter().map(|h| h.cosine(period.recip(), -origin / period)).collect()

@@ -1,4 +1,4 @@
-//! The gear pair of Kahraman and Singh: one relative freedom, lengths in half gaps, time in natural periods.
+//! Gear pair of Kahraman and Singh: one relative freedom, lengths in half gaps, time in natural periods.
 
 use super::{contact, harmonics, law, load, matrices, node::Node, schedule};
 use crate::{
@@ -18,7 +18,7 @@ pub(super) fn read(node: &Node) -> Spec {
             release
                 .refuse("nothing while the damper acts everywhere", "remove release, or set damping_in_gap to false");
         }
-        // A spring alone lets go at zero deflection and zero force at once.
+        // A spring alone opens at zero deflection and zero force at once.
         (damping, Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection))
     } else {
         (0.0, Law::KelvinVoigt(Linear { damping }, law::read_release(&release)))

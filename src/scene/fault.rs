@@ -1,4 +1,4 @@
-//! What is wrong with a scene, where, and what to write instead.
+//! Faults of a scene, with their places and remedies.
 
 use std::fmt;
 
@@ -6,10 +6,10 @@ use serde_json::Value;
 
 pub use crate::output::Fault;
 
-/// Faults printed at once; a list of a million wrong items has a million.
+/// Most faults printed; a list of a million wrong items has a million.
 const SHOWN: usize = 100;
 
-/// A scene that cannot be used, with everything that is wrong with it.
+/// Scene that cannot be used, with all its faults.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}", self.report())]
 pub struct SceneError {
@@ -38,10 +38,10 @@ impl SceneError {
     }
 }
 
-/// Something the user should know about a scene that is nevertheless usable.
+/// Warning about a scene that is nevertheless usable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
-    /// JSON pointer to the place that causes it.
+    /// JSON pointer to the cause.
     pub pointer: String,
     /// The warning, one sentence.
     pub message: String,
@@ -53,7 +53,7 @@ impl fmt::Display for Warning {
     }
 }
 
-/// A value as it appears in a message: short, whatever its size.
+/// Returns a value in the short form of messages.
 pub(super) fn show(value: &Value) -> String {
     match value {
         Value::Array(items) => format!("a list of {}", items.len()),
@@ -65,7 +65,7 @@ pub(super) fn show(value: &Value) -> String {
     }
 }
 
-/// Pointer to `key` below `pointer`, escaped as RFC 6901 asks.
+/// Returns the pointer to `key` below `pointer`, escaped by RFC 6901.
 pub(super) fn below(pointer: &str, key: &str) -> String {
     // A scene that is built for each cell of a map comes here for every key.
     if !key.contains(['~', '/']) {
@@ -74,10 +74,10 @@ pub(super) fn below(pointer: &str, key: &str) -> String {
     format!("{pointer}/{}", key.replace('~', "~0").replace('/', "~1"))
 }
 
-/// The name closest to `word`, if one is close enough to be meant.
+/// Returns the name closest to `word`, if one is close enough to be intended.
 pub(super) fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word = word.to_lowercase().replace([' ', '_'], "-");
-    // No name is as long: what follows makes a word no nearer.
+    // No name is as long: further letters bring a word no nearer.
     let start: String = word.chars().take(64).collect();
     let mut best: Option<(usize, &str)> = None;
     for name in names {

@@ -21,18 +21,18 @@ use crate::{
     },
 };
 
-/// A speed of one turn a minute, rad/s.
+/// Speed of one turn a minute, rad/s.
 const RPM: f64 = TAU / 60.0;
-/// Relative distance up to which the mean of a curve of the speed is the speed of its shaft.
+/// Largest relative difference between the mean of a curve of the speed and the speed of its shaft.
 const SPEEDS_AGREE: f64 = 0.01;
 
-/// A gearbox while it is read, with the places of its parts.
+/// Gearbox during reading, with the places of its parts.
 #[derive(Default)]
 struct Reading<'a> {
     gearbox: Gearbox,
     shafts: Vec<Node<'a>>,
     gears: Vec<Node<'a>>,
-    /// Place of each mesh, and of what its contact is.
+    /// Place of each mesh, and of its contact.
     meshes: Vec<[Node<'a>; 2]>,
     couplings: Vec<Node<'a>>,
     /// Place of each stage, and the shafts of its planets.
@@ -144,10 +144,10 @@ impl<'a> Reading<'a> {
 
     fn report(&self, node: &Node<'a>, fault: &GearboxFault) {
         let place = self.place(node, fault.part);
-        // The meshes of a stage are not written one by one.
+        // The meshes of a stage are not listed in the scene.
         let is_own = !matches!(fault.part, Part::Mesh(_)) || place.at(fault.key).written().is_some();
         let place = if fault.key.is_empty() || !is_own { place } else { place.at(fault.key) };
-        // Planets share one mesh: a fault of it is told of the first one.
+        // Planets share one mesh: its fault is reported for the first one only.
         let is_told = !is_own && place.has_fault(&fault.allowed);
         if is_told {
             return;
@@ -262,7 +262,7 @@ impl<'a> Reading<'a> {
         self.couplings.push(node.clone());
     }
 
-    /// A planetary stage: gears on the shafts of sun and ring, and planets as shafts that the carrier carries.
+    /// Reads a planetary stage: gears on the shafts of sun and ring, and planets as shafts on the carrier.
     fn stage(&mut self, node: &Node<'a>) {
         let stage = node.at("name").text();
         let names: Vec<&str> = self.gearbox.shafts.iter().map(|shaft| shaft.name.as_str()).collect();
@@ -343,7 +343,7 @@ fn unique_name<'n>(node: &Node, name: &str, what: &str, mut taken: impl Iterator
     }
 }
 
-/// The number of the part with the name that stands here.
+/// Returns the index of the part with the name at this place.
 fn find(node: &Node, what: &str, names: &[&str]) -> Option<usize> {
     let found = names.iter().position(|name| *name == node.text());
     if found.is_none() {
@@ -355,7 +355,7 @@ fn find(node: &Node, what: &str, names: &[&str]) -> Option<usize> {
     found
 }
 
-/// The numbers of two different parts.
+/// Returns the indices of two different parts.
 fn both(node: &Node, what: &str, names: &[&str]) -> Option<[usize; 2]> {
     let found: Vec<Option<usize>> = node.items().iter().map(|item| find(item, what, names)).collect();
     let [Some(one), Some(two)] = found[..] else { return None };
@@ -382,7 +382,7 @@ fn read_drag(node: &Node) -> Drag {
     Drag { constant: node.at("torque_nm").number(), viscous: node.at("torque_nm_s_per_rad").number() }
 }
 
-/// Orders of a torque or a speed that is given as a curve over a turn, and its mean.
+/// Returns the orders of a torque or a speed that is given as a curve over a turn, and its mean.
 fn measured(node: &Node, is_torque: bool) -> Option<(f64, Vec<Order>)> {
     let (units, of): (&[_], fn(f64) -> Amplitude) =
         if is_torque { (&curve::TORQUES, Amplitude::Torque) } else { (&curve::SPEEDS, Amplitude::Speed) };
@@ -391,7 +391,7 @@ fn measured(node: &Node, is_torque: bool) -> Option<(f64, Vec<Order>)> {
     Some((mean, harmonics.into_iter().map(order).collect()))
 }
 
-/// Mean and orders from a list of orders, from columns, or from a curve.
+/// Returns mean and orders from a list of orders, from columns, or from a curve.
 fn read_orders(node: &Node, is_torque: bool) -> (f64, Vec<Order>) {
     type Kind = (&'static str, fn(f64) -> Amplitude);
     let kinds: [Kind; 4] = [

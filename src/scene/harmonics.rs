@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use super::{curve, node::Node};
 use crate::gear::Harmonic;
 
-/// Mean and harmonics, from a list of harmonics or a measured curve with values in `units`.
+/// Reads mean and harmonics, from a list of harmonics or a measured curve with values in `units`.
 pub(super) fn or_curve(node: &Node, amplitude: &str, units: &[(&str, f64)]) -> (f64, Vec<Harmonic>) {
     if curve::is_curve(node) {
         return curve::in_time(node, units).unwrap_or_default();
@@ -17,7 +17,7 @@ pub(super) fn read_timing(node: &Node) -> (f64, f64) {
     (node.at_unit("frequency", "rad_per_s").number(), read_phase(node, "cosine"))
 }
 
-/// The phase written here, rad, as that of the `usual` function, in degrees or radians and of a sine or a cosine.
+/// Reads a phase, rad, relative to the `usual` function, in degrees or radians and of a sine or a cosine.
 pub(super) fn read_phase(node: &Node, usual: &str) -> f64 {
     let (phase, degrees) = (node.at_unit("phase", "rad").number(), node.at("phase_deg").written());
     let phase = degrees.map_or(phase, |degrees| {

@@ -1,4 +1,4 @@
-//! The state a run starts from.
+//! State at the start of a run.
 
 use super::node::Node;
 use crate::{
@@ -6,16 +6,16 @@ use crate::{
     system::{Flanks, Spec, pressed, quasi_static},
 };
 
-/// What coordinates and velocities do not say of a start.
+/// State of a start beyond coordinates and velocities.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
-    /// Latched approach speeds, m/s, by number of contact.
+    /// Latched approach speeds, m/s, with the indices of their contacts.
     pub latched: Vec<(usize, f64)>,
-    /// Contacts inside the zone of a flank that carry no force.
+    /// Contacts without force inside the zone of a flank.
     pub detached: Vec<usize>,
 }
 
-/// Coordinates and velocities at `start`, s, `[n]` each, and what they do not say.
+/// Returns coordinates and velocities at `start`, s, `[n]` each, with the further state.
 pub(super) fn read(node: &Node, spec: &Spec, start: f64) -> (Vec<f64>, Vec<f64>, Memory) {
     let n = spec.freedoms.len();
     let mut memory = Memory::default();
@@ -116,7 +116,7 @@ fn at_equilibrium(node: &Node, spec: &Spec, start: f64) -> (Vec<f64>, Vec<f64>) 
     }
 }
 
-/// Warns of contacts that the errors at the start press on their other flanks, as the static state knows their means only.
+/// Warns of contacts that the errors at the start press on their other flanks, as the static state includes only their means.
 fn on_other_flanks(node: &Node, spec: &Spec, (q, is_back): (&[f64], &[bool]), start: f64) {
     let contacts = spec.contacts.iter().zip(is_back);
     for (contact, is_back) in contacts.filter(|(c, _)| c.flanks == Flanks::Both && !c.law.is_bilateral()) {
@@ -134,7 +134,7 @@ fn on_other_flanks(node: &Node, spec: &Spec, (q, is_back): (&[f64], &[bool]), st
     }
 }
 
-/// A rigid flank cannot be penetrated, not even at the start.
+/// Refuses a start inside a rigid flank.
 fn outside_walls(node: &Node, spec: &Spec, q: &[f64]) {
     for contact in spec.contacts.iter().filter(|c| c.law.is_rigid()) {
         // Whole cycles do not change the phase, so the start cycle does not enter.

@@ -1,4 +1,4 @@
-//! Text to JSON value, with what `serde_json` lets pass: keys written twice, files of any size.
+//! JSON text to value, with checks that `serde_json` lacks: duplicate keys, size of the file.
 
 use std::{cell::RefCell, fmt};
 
@@ -10,7 +10,7 @@ use super::fault::{Fault, below};
 /// Largest scene, bytes.
 pub(super) const MAX_BYTES: u64 = 64 << 20;
 
-/// Reads a text as JSON; a text that is not JSON is one fault, keys written twice are one each.
+/// Reads a text as JSON; a text that is not JSON is one fault, duplicate keys are one each.
 pub(super) fn parse(text: &str) -> Result<Value, Vec<Fault>> {
     // Some editors start a file with a byte order mark; it carries no meaning in UTF-8.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -57,7 +57,7 @@ fn not_json(text: &str, error: &serde_json::Error) -> Fault {
     Fault::new("", message, allowed).remedy(remedy)
 }
 
-/// Builds one value and notes the keys written twice below it.
+/// Visitor of one value that notes duplicate keys below it.
 struct Node<'a> {
     pointer: String,
     twice: &'a RefCell<Vec<Fault>>,

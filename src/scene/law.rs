@@ -18,7 +18,7 @@ pub(super) fn read_release(node: &Node) -> Release {
     if node.text() == "deflection" { Release::Deflection } else { Release::Force }
 }
 
-/// The law written here; a damping ratio is left to the mesh that knows its gears.
+/// Reads a law; a damping ratio is left to the mesh, which has the gears.
 pub(super) fn read(node: &Node) -> Law {
     let damping = node.at_unit("damping", "n_s_per_m").written().map_or(0.0, |damping| damping.number());
     let linear = || Linear { damping };
@@ -35,7 +35,7 @@ pub(super) fn read(node: &Node) -> Law {
     }
 }
 
-/// A restitution, constant or by the approach speed.
+/// Reads a restitution, constant or by the approach speed.
 fn restitution(node: &Node) -> Restitution {
     let speed = |stem: &str| node.at_unit(stem, "m_per_s").number();
     let found = match node.at("kind").text() {
@@ -61,7 +61,7 @@ fn restitution(node: &Node) -> Restitution {
     found
 }
 
-/// An exponent as a ratio; a fault, and Hertz's, if it is none.
+/// Reads an exponent as a ratio; otherwise a fault, and Hertz's exponent.
 fn exponent(node: &Node) -> Ratio {
     let ratio = if node.is_text() {
         let parts = node
@@ -74,7 +74,7 @@ fn exponent(node: &Node) -> Ratio {
         Ratio::from_f64(node.number())
     };
     match ratio {
-        // Below one the force rises with infinite slope at the start of contact: no law of teeth does.
+        // Below one the force rises with infinite slope at the start of contact: no law of teeth does so.
         Some(ratio) if (1.0..=5.0).contains(&ratio.value()) => ratio,
         _ => {
             node.refuse(

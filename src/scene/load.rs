@@ -13,14 +13,14 @@ use crate::{
     },
 };
 
-/// Distance of two times that are meant to be one, relative to the period: angles are rounded.
+/// Difference of two equal times, relative to the period: angles are rounded.
 const SAME: f64 = 1e-12;
 
 /// A point: time, and value.
 type Point = (Wide, f64);
 
-/// The load that is written here, a number or a schedule: its value at rest, and the schedule. `units` are the names of those of its
-/// values with their factors, the usual one first; `turn` is the time of a turn of the body it acts on, s.
+/// Reads a load, a number or a schedule; returns its value at rest, and the schedule. `units` are the names of units of its values with
+/// their factors, the usual one first; `turn` is the time of a turn of the loaded body, s.
 pub(super) fn or_schedule(node: &Node, units: &[(&str, f64)], turn: Option<f64>) -> (f64, Option<Stiffness>) {
     if node.is_number() {
         return (node.number(), None);
@@ -29,23 +29,23 @@ pub(super) fn or_schedule(node: &Node, units: &[(&str, f64)], turn: Option<f64>)
     (schedule.as_ref().map_or(0.0, rest), schedule)
 }
 
-/// The load that is written here, a number or a schedule, at rest. The time of a turn does not matter.
+/// Reads a load, a number or a schedule, at rest. The time of a turn does not matter.
 pub(super) fn at_rest(node: &Node, units: &[(&str, f64)]) -> f64 {
     if node.is_number() { node.number() } else { schedule(node, units, Some(1.0)).as_ref().map_or(0.0, rest) }
 }
 
-/// The first value of what counts once, the mean of what repeats.
+/// Returns the first value of a single schedule, the mean of a repeated one.
 fn rest(schedule: &Stiffness) -> f64 {
     if let Stiffness::Listed { values, .. } = schedule { values[0] } else { schedule.mean() }
 }
 
-/// Lets the load of a train follow `factor`: `[0, 1]` are its loads without it, and with one of 1 alone.
+/// Multiplies a load by `factor`: `[without, unit]` are the loads of the train without it, and those of a factor of 1 alone.
 pub(super) fn follow(spec: &mut Spec, factor: Stiffness, [without, unit]: [Vec<f64>; 2]) {
     spec.load = without;
     spec.load_schedules.push(LoadSchedule { vector: unit, factor });
 }
 
-/// Lets the torques of the `nodes` of shafts that are schedules follow them.
+/// Adds the schedules of the torques of shafts, the `nodes`.
 pub(super) fn of_shafts(
     node: &Node,
     spec: &mut Spec,
@@ -72,7 +72,7 @@ pub(super) fn of_shafts(
     Some(())
 }
 
-/// The schedule that is written here, of which the user is told.
+/// Reads a schedule, and adds a remark on it.
 pub(super) fn read(node: &Node, units: &[(&str, f64)], turn: Option<f64>) -> Option<Stiffness> {
     let schedule = schedule(node, units, turn)?;
     let (count, when) = match &schedule {
@@ -100,7 +100,7 @@ fn schedule(node: &Node, units: &[(&str, f64)], turn: Option<f64>) -> Option<Sti
             node.at("place").refuse("\"s\" or \"ms\", as the load does not repeat", "name its period");
             return None;
         }
-        // Over a turn the places are parts of it.
+        // Over a turn the places are shares of it.
         ("", Some(period)) if node.at("over").is_text() => period,
         _ => 1.0,
     };
@@ -108,7 +108,7 @@ fn schedule(node: &Node, units: &[(&str, f64)], turn: Option<f64>) -> Option<Sti
     let factor = node.at("scale").number() * unit.map_or(1.0, |(_, factor)| *factor);
     let point = |item: &Node| {
         let row = item.items();
-        // OK to index: the shape asks for two.
+        // Two entries, by the shape.
         (row[0].wide() * second, row[1].wide().value() * factor)
     };
     let points: Vec<Point> = list.items().iter().map(point).collect();
@@ -121,7 +121,7 @@ fn schedule(node: &Node, units: &[(&str, f64)], turn: Option<f64>) -> Option<Sti
     }
 }
 
-/// The period after which the load repeats, s.
+/// Returns the period after which the load repeats, s.
 fn period(node: &Node, turn: Option<f64>) -> Option<Option<f64>> {
     let (over, period) = (node.at("over"), node.at_unit("period", "s").written());
     if !over.is_text() {
@@ -140,7 +140,7 @@ fn period(node: &Node, turn: Option<f64>) -> Option<Option<f64>> {
     }
 }
 
-/// Refuses times that fall, and more than two points at one time.
+/// Refuses falling times, and more than two points at one time.
 fn rises(list: &Node, points: &[Point], is_sudden: bool) -> Option<()> {
     let items = list.items();
     for (pair, item) in points.windows(2).zip(&items[1..]) {
@@ -159,7 +159,7 @@ fn rises(list: &Node, points: &[Point], is_sudden: bool) -> Option<()> {
     Some(())
 }
 
-/// Constant before the first point and after the last one.
+/// Returns a schedule that is constant before the first point and after the last one.
 fn once(points: &[Point], is_sudden: bool, origin: f64) -> Stiffness {
     let (mut times, mut values, mut slopes) = (Vec::new(), vec![points[0].1], vec![0.0]);
     let count = points.len();
@@ -184,7 +184,7 @@ fn once(points: &[Point], is_sudden: bool, origin: f64) -> Stiffness {
     Stiffness::Listed { times, values, slopes }
 }
 
-/// Pieces over a period, at the end of which lines close.
+/// Returns the pieces over a period, at whose end lines close.
 fn repeating(list: &Node, points: &[Point], is_sudden: bool, period: f64, origin: f64) -> Option<Stiffness> {
     let items = list.items();
     let place = |time: Wide| (time * period.recip()).value();
@@ -217,7 +217,7 @@ fn repeating(list: &Node, points: &[Point], is_sudden: bool, period: f64, origin
         let next = points.get(i + 1);
         let slope = match next {
             _ if is_sudden => 0.0,
-            // The first of two points at one time ends a line, the last of all the period.
+            // The first of two points at one time ends a line, the last of all points the period.
             Some(next) if next.0 != *time => (next.1 - value) / (next.0 - *time).value(),
             _ => continue,
         };

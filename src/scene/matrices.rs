@@ -1,4 +1,4 @@
-//! A train written out as matrices and contacts.
+//! Trains given as matrices and contacts.
 
 use super::{contact, harmonics, load, node::Node};
 use crate::{
@@ -83,7 +83,7 @@ fn names(node: &Node, n: usize) -> Vec<String> {
     names
 }
 
-/// The frequency of one cycle: the one written, or the lowest of the excitation if all are its multiples.
+/// Returns the frequency of one cycle: the given one, or the lowest of the excitation if all are its multiples.
 pub(super) fn base_frequency(node: &Node, spec: &Spec) -> Option<f64> {
     if let Some(written) = node.at_unit("base_frequency", "rad_per_s").written() {
         return Some(written.number());

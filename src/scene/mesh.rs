@@ -1,4 +1,4 @@
-//! Gear meshes in their own clock, and the rack their teeth are cut with.
+//! Gear meshes in their own clock, and the rack of their teeth.
 
 use super::{
     build, contact,
@@ -16,7 +16,7 @@ use crate::{
     train::{Mesh, MeshBack, TrainError, mesh_damping},
 };
 
-/// Harmonics of an error, as sines.
+/// Reads the harmonics of an error, as sines.
 fn read_sines(node: &Node) -> Vec<MeshHarmonic> {
     let harmonic = |item: &Node| MeshHarmonic {
         order: item.at("order").number(),
@@ -26,7 +26,7 @@ fn read_sines(node: &Node) -> Vec<MeshHarmonic> {
     node.items().iter().map(harmonic).collect()
 }
 
-/// Harmonics of a stiffness, as cosines relative to its `mean`.
+/// Reads the harmonics of a stiffness, as cosines relative to its `mean`.
 fn read_cosines(node: &Node, mean: f64) -> Vec<MeshHarmonic> {
     let harmonic = |item: &Node| MeshHarmonic {
         order: item.at("order").number(),
@@ -39,28 +39,28 @@ fn read_cosines(node: &Node, mean: f64) -> Vec<MeshHarmonic> {
     node.items().iter().map(harmonic).collect()
 }
 
-/// Two gears in mesh, as a train has them.
+/// Two gears in mesh, as parts of a train.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToothMesh {
-    /// Its name; that of the contact where there is one.
+    /// Name; that of the contact if there is one.
     pub name: String,
     /// Reference rack.
     pub rack: BasicRack,
     /// Pinion and wheel, or pinion and ring.
     pub gears: [Gear; 2],
-    /// Tells that the rack is given; else it is the one that base radii and working angle have without profile shift.
+    /// True if the rack is given; else it follows from base radii and working angle without profile shift.
     pub is_given: bool,
-    /// Geometry in its position.
+    /// Geometry at its working position.
     pub geometry: MeshGeometry,
     /// Common face width, m, if one is given.
     pub face_width: Option<f64>,
-    /// Mesh frequency, Hz; 0 of a standing train.
+    /// Mesh frequency, Hz; 0 for a train at rest.
     pub frequency: f64,
     /// Mesh phases, periods, one for each of its contacts.
     pub phases: Vec<f64>,
 }
 
-/// Two gears in mesh, where a scene gives their teeth.
+/// Two gears in mesh, if a scene gives their teeth.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Engaged {
     pub rack: BasicRack,
@@ -71,13 +71,13 @@ pub(super) struct Engaged {
 }
 
 impl Engaged {
-    /// Two gears brought into mesh, pinion first, with the face widths written for them; gears that cannot mesh are a fault at `node`.
+    /// Returns two gears in mesh, pinion first, with the given face widths; gears that cannot mesh are a fault at `node`.
     pub fn new(node: &Node, rack: BasicRack, gears: [Gear; 2], kind: MeshKind, widths: [&Node; 2]) -> Option<Self> {
         let geometry = MeshGeometry::new(&rack, gears[0], gears[1], kind).map_err(TrainError::from);
         Some(Self::with(rack, gears, build::assembled(node, geometry)?, widths))
     }
 
-    /// The same in a position of its own.
+    /// Returns the same with a given geometry.
     pub fn with(rack: BasicRack, gears: [Gear; 2], mut geometry: MeshGeometry, widths: [&Node; 2]) -> Self {
         let written = widths.map(|gear| gear.at("face_width_m").written().map(|width| width.number()));
         let face_width = written.into_iter().flatten().reduce(f64::min);
@@ -85,7 +85,7 @@ impl Engaged {
         Self { rack, gears, geometry, face_width }
     }
 
-    /// The mesh with the clock of its contacts: mesh frequency, Hz, and a phase for each of them, periods.
+    /// Returns the mesh with the clock of its contacts: mesh frequency, Hz, and a phase for each of them, periods.
     pub fn mesh(&self, name: &str, frequency: f64, phases: Vec<f64>) -> ToothMesh {
         let Self { rack, gears, geometry, face_width } = *self;
         ToothMesh { name: name.to_owned(), rack, is_given: true, gears, geometry, face_width, frequency, phases }
@@ -123,7 +123,7 @@ fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStif
     }
 }
 
-/// A measured stiffness, as lines or as a series.
+/// Reads a measured stiffness, as lines or as a series.
 fn curve_stiffness(node: &Node, engaged: Option<&Engaged>) -> Option<MeshStiffness> {
     let OverMesh { curve, periods } = curve::over_mesh(node, &curve::STIFFNESSES, teeth(engaged))?;
     let curve = curve::stiffness(node, curve)?;
@@ -155,7 +155,7 @@ fn path_of_contact(ratio: &Node, engaged: Option<&Engaged>) -> PathOfContact {
     path
 }
 
-/// A stiffness that follows from the teeth.
+/// Returns a stiffness that follows from the teeth, N/m.
 fn from_teeth(node: &Node, law: &Law, engaged: Option<&Engaged>) -> f64 {
     let kind = node.at("kind");
     let Some(Engaged { rack, gears: [pinion, wheel], geometry, face_width }) = engaged else {
@@ -183,14 +183,14 @@ fn from_teeth(node: &Node, law: &Law, engaged: Option<&Engaged>) -> f64 {
     load * iso_mesh_stiffness(rack, *pinion, *wheel, geometry.kind, geometry.path.contact_ratio(), width)
 }
 
-/// The mesh written here, phase 0, between two rotary masses, with their teeth if a rack is given.
+/// Reads a mesh, phase 0, between two rotary masses, with its teeth if a rack is given.
 pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engaged>) -> Mesh {
     let (law_node, stiffness_node) = (node.at("law"), node.at("stiffness"));
     let flanks = if node.at("flanks").text() == "drive" { Flanks::Drive } else { Flanks::Both };
     let law = law::read(&law_node);
     let stiffness = own_stiffness(&stiffness_node, &law, engaged);
     let ratio = law_node.at("damping_ratio").written();
-    // Along the normal of helical teeth a rotation moves less, and its mass counts for more.
+    // Along the normal of helical teeth a rotation moves less, and its effective mass is larger.
     let normal = engaged.map_or(1.0, |e| libm::cos(e.geometry.base_helix).powi(2));
     let masses = rotary_masses.map(|mass| mass / normal);
     let damping = ratio.map(|ratio| Linear { damping: mesh_damping(stiffness.mean(), ratio.number(), masses) });
@@ -230,7 +230,7 @@ pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engage
     mesh
 }
 
-/// The stiffness that a law needs: one for a compliant law, none for a rigid one.
+/// Reads the stiffness of a law: one for a compliant law, none for a rigid one.
 fn own_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStiffness {
     match (law, node.clone().written()) {
         (Law::Rigid(_), None) => MeshStiffness::Constant(0.0),
@@ -246,13 +246,13 @@ fn own_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStiff
     }
 }
 
-/// Mean and harmonics of an error.
+/// Reads mean and harmonics of an error.
 fn read_error(node: &Node, engaged: Option<&Engaged>) -> (f64, Vec<MeshHarmonic>) {
     let measured = curve::is_curve(node).then(|| curve::mesh_error(node, teeth(engaged))).flatten();
     measured.unwrap_or_else(|| (0.0, read_sines(node)))
 }
 
-/// The back flank: what is not written is that of the drive flank.
+/// Reads the back flank; missing keys are those of the drive flank.
 fn read_back(node: &Node, mesh: &Mesh, engaged: Option<&Engaged>) -> MeshBack {
     let stiffness = node.at("stiffness").written().map(|written| own_stiffness(&written, &mesh.law, engaged));
     let error = node.at("error").written().map(|written| read_error(&written, engaged));
@@ -274,7 +274,7 @@ fn thicken(mesh: &mut Mesh, mean: f64, harmonics: &[MeshHarmonic]) {
         error_offset: mesh.error_offset,
         phase: 0.0,
     });
-    // The error of the drive flank opens it, that of the back flank closes it. Sines in the clock of the mesh, which the back flank is ahead of.
+    // The error of the drive flank opens it, that of the back flank closes it. The back flank is ahead in the clock of the mesh.
     let part = |share: f64, ahead: f64| {
         let of = move |h: &MeshHarmonic| MeshHarmonic {
             amplitude: share * h.amplitude,
@@ -290,7 +290,7 @@ fn thicken(mesh: &mut Mesh, mean: f64, harmonics: &[MeshHarmonic]) {
     mesh.back = Some(back);
 }
 
-/// The angle written here in either unit, rad.
+/// Reads an angle in either unit, rad.
 pub(super) fn read_angle(node: &Node, stem: &str) -> Option<f64> {
     let degrees = node.at(&format!("{stem}_deg")).written().map(|angle| angle.number().to_radians());
     node.at(&format!("{stem}_rad")).written().map(|angle| angle.number()).or(degrees)

@@ -1,8 +1,7 @@
-//! Scenes: a train, where it starts and how it runs, as one JSON file.
+//! Scenes: a train, its start and its run, as one JSON file.
 //!
-//! A scene names its units in its keys, refuses keys it does not know, and reports everything that is wrong
-//! with it at once, each fault with its place, what is allowed there, and a remedy. [`schema`] is its JSON Schema,
-//! printed from the description the reader itself follows. Trains, by `kind`:
+//! A scene has units in its keys and refuses unknown keys. It reports all faults at once, each with its place, the allowed values, and a
+//! remedy. [`schema`] is its JSON Schema, generated from the description that the reader uses. Trains, by `kind`:
 //!
 //! | kind | train | freedoms |
 //! |---|---|---|
@@ -78,7 +77,7 @@ use crate::{
     train::Drawing,
 };
 
-/// A scene that has been read, checked and resolved.
+/// Scene that has been read, checked and resolved.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     name: String,
@@ -93,34 +92,34 @@ impl From<&Scene> for Scene {
     }
 }
 
-/// What a scene builds: a train in its common form, a start and a run.
+/// Result of a scene: a train in its common form, a start and a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Built {
     /// The train.
     pub spec: Spec,
-    /// Coordinates at the start, `[n]`.
+    /// Coordinates at the start, m, `[n]`.
     pub q0: Vec<f64>,
-    /// Velocities at the start, `[n]`.
+    /// Velocities at the start, m/s, `[n]`.
     pub v0: Vec<f64>,
-    /// What these do not say of the start.
+    /// Further data of the start: latched speeds and modes of contacts.
     pub memory: Memory,
     /// The run.
     pub run: Run,
-    /// Whether the train is in dimensionless form; else SI units (or those of its matrices).
+    /// True if the train is in dimensionless form; else SI units (or those of its matrices).
     pub dimensionless: bool,
-    /// Speed of the frame the train is written in, rad/s, if it turns.
+    /// Speed of a rotating frame in which the train is written, rad/s.
     pub carrier_speed: Option<f64>,
     /// Meshes whose teeth are given, in the order of the contacts.
     pub meshes: Vec<ToothMesh>,
     /// Mean speeds of the shafts and the loose gears of a gearbox, rad/s, by name.
     pub speeds: Vec<(String, f64)>,
-    /// The train as a picture shows it, if its gears are known.
+    /// Train in the form of a picture, if its gears are known.
     pub drawing: Option<Drawing>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
-    /// Remarks: how well series fit measured curves.
+    /// Remarks on the fit of series to measured curves.
     pub remarks: Vec<Warning>,
-    /// Why the start does not fit the train: a run from it is refused, a run from elsewhere is not.
+    /// Faults of a start that does not fit the train: they refuse a run from it, not from another start.
     pub start_faults: Vec<Fault>,
 }
 
@@ -170,7 +169,7 @@ impl Scene {
     fn with_any_start(mut given: Value, name: &str) -> Result<Self, SceneError> {
         let name = &visible(name);
         make_visible(&mut given);
-        // Editors read it; it is no part of the scene.
+        // Used by editors; no part of the scene.
         if let Some(object) = given.as_object_mut().filter(|object| object.get("$schema").is_some_and(Value::is_string))
         {
             object.remove("$schema");
@@ -214,7 +213,7 @@ impl Scene {
     /// Reads a scene from a stream such as standard input.
     ///
     /// # Errors
-    /// Those of [`from_file`](Self::from_file).
+    /// Errors of [`from_file`](Self::from_file).
     pub fn from_stream(stream: impl Read, name: &str) -> Result<Self, SceneError> {
         Self::from_bytes(read_at_most(stream, json::MAX_BYTES), name, Path::new(""))
     }
@@ -234,19 +233,19 @@ impl Scene {
         Self::from_text(&text, name, folder)
     }
 
-    /// The same scene with another value at a JSON pointer, such as `/train/speed_rpm`.
+    /// Returns the same scene with another value at a JSON pointer, such as `/train/speed_rpm`.
     ///
     /// # Errors
-    /// Those of [`with_all`](Self::with_all).
+    /// Errors of [`with_all`](Self::with_all).
     pub fn with(&self, pointer: &str, value: Value) -> Result<Self, SceneError> {
         self.with_all([(pointer, value)])
     }
 
-    /// The same scene with other values at several JSON pointers. Only the whole need hold. A start that no longer fits is refused
-    /// where it is used: [`Built::start_faults`].
+    /// Returns the same scene with other values at several JSON pointers. Only the whole must be valid. A start that no longer fits is
+    /// refused at its use: [`Built::start_faults`].
     ///
     /// # Errors
-    /// [`SceneError`] if a pointer leads nowhere or the scene no longer holds.
+    /// [`SceneError`] if a pointer leads nowhere or the scene becomes invalid.
     pub fn with_all<'a>(&self, values: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, SceneError> {
         let mut given = self.given.clone();
         let mut lost = Vec::new();
@@ -260,7 +259,7 @@ impl Scene {
                     all => all.get(&key),
                 });
                 let place = match place {
-                    // What a preset or a default brings is not written yet: a list whole, of an object what is asked for.
+                    // Values of a preset or a default are inserted: a list whole, of an object the requested key.
                     Value::Object(object) => Some(object.entry(key).or_insert_with(|| match resolved {
                         Some(list @ Value::Array(_)) => list.clone(),
                         _ => Value::Object(Map::new()),
@@ -281,53 +280,53 @@ impl Scene {
         if lost.is_empty() { Self::with_any_start(given, &self.name) } else { Err(SceneError::new(&self.name, lost)) }
     }
 
-    /// Name of the scene: its file, or what [`from_json`](Self::from_json) was told.
+    /// Returns the name of the scene: its file, or the name given to [`from_json`](Self::from_json).
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The scene as it was written.
+    /// Returns the scene as it was written.
     #[must_use]
     pub fn given(&self) -> &Value {
         &self.given
     }
 
-    /// The scene with every default written out.
+    /// Returns the scene with every default written out.
     #[must_use]
     pub fn resolved(&self) -> &Value {
         &self.resolved
     }
 
-    /// SHA-256 of the resolved scene, hexadecimal. Name and note do not enter.
+    /// Returns the SHA-256 of the resolved scene, hexadecimal, without name and note.
     #[must_use]
     pub fn hash(&self) -> String {
         hash(&self.resolved)
     }
 
-    /// The train, the start and the run.
+    /// Returns the train, the start and the run.
     #[must_use]
     pub fn built(&self) -> &Built {
         &self.built
     }
 
-    /// A copy of [`built`](Self::built).
+    /// Returns a copy of [`built`](Self::built).
     ///
     /// # Errors
-    /// None: a scene is built when it is read.
+    /// Never: a scene is built when it is read.
     pub fn build(&self) -> Result<Built, SceneError> {
         Ok(self.built.clone())
     }
 
-    /// Name, resolved scene, and what it builds.
+    /// Returns name, resolved scene, and its result.
     pub(crate) fn into_parts(self) -> (String, Value, Built) {
         (self.name, self.resolved, self.built)
     }
 
-    /// Builds the scene with other numbers at JSON pointers of the resolved scene: what [`with_all`](Self::with_all)
-    /// and [`build`](Self::build) give together, several times as fast.
+    /// Builds the scene with other numbers at JSON pointers of the resolved scene: as [`with_all`](Self::with_all) and
+    /// [`build`](Self::build) together, several times as fast.
     ///
-    /// The ranges of keys are not checked again: for numbers between others that hold.
+    /// The ranges of keys are not checked again: the numbers must lie between valid ones.
     ///
     /// # Errors
     /// [`SceneError`] if there is no number at a pointer, or no train with these numbers.
@@ -336,7 +335,7 @@ impl Scene {
     }
 }
 
-/// Makes all texts of a scene visible, but notes, which may have several lines.
+/// Replaces invisible characters in all texts of a scene, except notes, which may have several lines.
 fn make_visible(value: &mut Value) {
     match value {
         Value::String(text) if text.contains(|c: char| !c.is_ascii_graphic()) => *text = visible(text),
@@ -348,7 +347,7 @@ fn make_visible(value: &mut Value) {
     }
 }
 
-/// Warnings as faults, where `asked` wants a scene without any.
+/// Returns warnings as faults, if `asked` demands a scene without any.
 #[must_use]
 pub fn strict(warnings: &[Warning], asked: &str) -> Vec<Fault> {
     let fault = |warning: &Warning| {
@@ -358,7 +357,7 @@ pub fn strict(warnings: &[Warning], asked: &str) -> Vec<Fault> {
     warnings.iter().map(fault).collect()
 }
 
-/// The places of a pointer list as the user wrote them: what all meshes of a gearbox have in common stands under the train.
+/// Returns the places of a pointer list in the scene as written: common values of all meshes of a gearbox are under the train.
 fn as_written(given: &Value, pointers: &str) -> String {
     let shared = |pointer: &str| {
         let words: Vec<&str> = pointer.split('/').skip(1).collect();
@@ -377,7 +376,7 @@ fn as_written(given: &Value, pointers: &str) -> String {
     places.join(", ")
 }
 
-/// A scene whose numbers are set again and again.
+/// Scene whose numbers are set repeatedly.
 pub(crate) struct Variant<'s> {
     scene: &'s Scene,
     resolved: Value,
@@ -388,7 +387,7 @@ impl<'s> Variant<'s> {
         Self { scene, resolved: scene.resolved.clone() }
     }
 
-    /// As [`Scene::build_with`]; numbers that were set before, by a call that failed too, and are not now stay.
+    /// Builds as [`Scene::build_with`] does; numbers set by earlier calls, even failed ones, keep their values.
     pub fn build<'a>(&mut self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
         let name = &self.scene.name;
         for (pointer, number) in numbers {
@@ -408,7 +407,7 @@ impl<'s> Variant<'s> {
     }
 }
 
-/// SHA-256 of a resolved scene, hexadecimal. Name and note do not enter.
+/// Returns the SHA-256 of a resolved scene, hexadecimal, without name and note.
 pub(crate) fn hash(resolved: &Value) -> String {
     let mut scene = resolved.clone();
     if let Value::Object(object) = &mut scene {
@@ -420,7 +419,7 @@ pub(crate) fn hash(resolved: &Value) -> String {
     Sha256::digest(scene.to_string().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The JSON Schema (draft 2020-12) of a scene.
+/// Returns the JSON Schema (draft 2020-12) of a scene.
 #[must_use]
 pub fn schema() -> Value {
     build::schema()

@@ -1,4 +1,4 @@
-//! Reading a resolved scene: a value that already has its shape, with the place it stands at.
+//! Reader of a resolved scene: a value of checked shape, with its place.
 
 use std::cell::RefCell;
 
@@ -12,18 +12,18 @@ use super::{
 };
 use crate::{hybrid::Wide, train::Drawing};
 
-/// What reading finds out beyond the shapes: conditions across keys.
+/// Findings of the reader beyond the shapes: conditions across keys.
 #[derive(Debug, Default)]
 pub(super) struct Findings {
     faults: RefCell<Vec<Fault>>,
-    /// Faults of the start with this train: of interest only where the start is used.
+    /// Faults of the start with this train, which matter only if the start is used.
     pub start_faults: RefCell<Vec<Fault>>,
     warnings: RefCell<Vec<Warning>>,
     /// Remarks that are no warnings.
     pub remarks: RefCell<Vec<Warning>>,
     /// Meshes whose teeth are given.
     pub meshes: RefCell<Vec<ToothMesh>>,
-    /// The train as a picture shows it.
+    /// Train in the form of a picture.
     pub drawing: RefCell<Option<Drawing>>,
     /// Mean speeds of shafts and loose gears, rad/s, by name.
     pub speeds: RefCell<Vec<(String, f64)>>,
@@ -35,10 +35,10 @@ impl Findings {
     }
 }
 
-/// A place in a resolved scene.
+/// Place in a resolved scene.
 ///
-/// Its accessors do not fail: the shape has been checked before, and a key that may be left out has an
-/// accessor that says so. What a broken promise would return (NaN, nothing) is refused further on.
+/// Its accessors do not fail: the shape has been checked before, and optional keys have separate accessors. A wrong shape would return a
+/// substitute (NaN, nothing), which is refused later.
 #[derive(Clone, Debug)]
 pub(super) struct Node<'a> {
     value: &'a Value,
@@ -53,12 +53,12 @@ impl<'a> Node<'a> {
         Self { value, pointer: String::new(), findings, units }
     }
 
-    /// The value under a key; `null` if there is none.
+    /// Returns the value under a key; `null` if there is none.
     pub fn at(&self, key: &str) -> Node<'a> {
         self.child(key, self.value.get(key).unwrap_or(&Value::Null))
     }
 
-    /// The value under a key with a unit.
+    /// Returns the value under a key with a unit.
     pub fn at_unit(&self, stem: &str, unit: &str) -> Node<'a> {
         self.at(&self.units.key(stem, unit))
     }
@@ -75,7 +75,7 @@ impl<'a> Node<'a> {
         self.value.as_f64().unwrap_or(f64::NAN)
     }
 
-    /// A number, or one written as text with more digits than a double holds.
+    /// Returns a number, or one written as text with more digits than a double has.
     pub fn wide(&self) -> Wide {
         Wide::parse(self.text()).unwrap_or_else(|| self.number().into())
     }
@@ -104,13 +104,13 @@ impl<'a> Node<'a> {
         self.value.is_array()
     }
 
-    /// The items of a list; none if there is no list.
+    /// Returns the items of a list; none if there is no list.
     pub fn items(&self) -> Vec<Node<'a>> {
         let items = self.value.as_array().map_or(&[][..], Vec::as_slice);
         items.iter().enumerate().map(|(i, item)| self.child(&i.to_string(), item)).collect()
     }
 
-    /// The entries of an object whose keys the user names.
+    /// Returns the entries of an object whose keys are names by the user.
     pub fn entries(&self) -> Vec<(&'a str, Node<'a>)> {
         self.value
             .as_object()
@@ -122,7 +122,7 @@ impl<'a> Node<'a> {
         self.items().iter().map(Node::number).collect()
     }
 
-    /// A list of `n` numbers; zeros if nothing is written.
+    /// Returns a list of `n` numbers; zeros if missing.
     pub fn vector(&self, n: usize) -> Vec<f64> {
         let Some(node) = self.clone().written() else { return vec![0.0; n] };
         let numbers = node.numbers();
@@ -133,7 +133,7 @@ impl<'a> Node<'a> {
         numbers
     }
 
-    /// An `n × n` matrix, as rows or as its diagonal; zero if nothing is written.
+    /// Returns an `n × n` matrix, given as rows or as its diagonal; zero if missing.
     pub fn matrix(&self, n: usize) -> DMatrix<f64> {
         let items = self.items();
         if self.clone().written().is_none() {
@@ -151,18 +151,18 @@ impl<'a> Node<'a> {
         DMatrix::from_row_slice(n, n, &rows)
     }
 
-    /// Whether a fault was found anywhere so far.
+    /// Returns whether a fault was found anywhere so far.
     pub fn has_faults(&self) -> bool {
         !self.findings.faults.borrow().is_empty()
     }
 
-    /// Notes that what stands here is not allowed.
+    /// Adds the fault that the value here is not allowed.
     pub fn refuse(&self, allowed: impl Into<String>, remedy: impl Into<String>) {
         let found = if self.value.is_null() { "nothing: the key is missing".to_owned() } else { show(self.value) };
         self.fault(found, allowed, remedy);
     }
 
-    /// Notes a fault found here, in words.
+    /// Adds a fault found here, in words.
     pub fn fault(&self, found: impl Into<String>, allowed: impl Into<String>, remedy: impl Into<String>) {
         // Planets share one mesh: a fault of it is one.
         let (fault, mut faults) =
@@ -172,12 +172,12 @@ impl<'a> Node<'a> {
         }
     }
 
-    /// Tells that a fault with this range is noted here.
+    /// Returns whether a fault with this range is noted here.
     pub fn has_fault(&self, allowed: &str) -> bool {
         self.findings.faults.borrow().iter().any(|fault| fault.pointer == self.pointer && fault.allowed == allowed)
     }
 
-    /// Notes a fault of the start with this train.
+    /// Adds a fault of the start with this train.
     pub fn start_fault(&self, found: impl Into<String>, allowed: impl Into<String>, remedy: impl Into<String>) {
         self.findings.start_faults.borrow_mut().push(Fault::new(&self.pointer, found, allowed).remedy(remedy));
     }
@@ -206,7 +206,7 @@ impl<'a> Node<'a> {
     pub fn warn(&self, message: impl Into<String>) {
         let warning = Warning { pointer: self.pointer.clone(), message: message.into() };
         let mut warnings = self.findings.warnings.borrow_mut();
-        // One line for each cause: what two meshes have in common is named once, with both places.
+        // One line for each cause: a common value of two meshes is reported once, with both places.
         match warnings.iter_mut().find(|other| other.message == warning.message) {
             Some(other) if other.pointer.split(", ").any(|place| place == warning.pointer) => {}
             Some(other) => other.pointer = format!("{}, {}", other.pointer, warning.pointer),

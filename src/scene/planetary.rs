@@ -12,7 +12,7 @@ use crate::{
     train::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning},
 };
 
-/// The train written here, with its freedoms and its frame's speed, rad/s.
+/// Reads a train, with its freedoms and its frame's speed, rad/s.
 pub(super) fn read(node: &Node) -> Option<(Spec, f64)> {
     let (stage, meshes) = read_stage(node)?;
     for warning in stage.warnings() {
@@ -45,7 +45,7 @@ pub(super) fn read(node: &Node) -> Option<(Spec, f64)> {
     Some((spec, stage.carrier_speed()))
 }
 
-/// The stage, with its meshes.
+/// Reads the stage, with its meshes.
 fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
     let number = |key: &str| node.at(key).number();
     let teeth = |key: &str| node.at("teeth").at(key).whole() as u32;
@@ -117,7 +117,7 @@ fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
     ];
     let frequency = stage.mesh_frequency().abs();
     let is_given = sun_engaged.is_some();
-    // Radii and angles give a rack too, good enough for orders of magnitude.
+    // Radii and angles give a rack too, sufficient for orders of magnitude.
     let engaged = [sun_engaged, ring_engaged]
         .into_iter()
         .zip([true, false])
@@ -139,7 +139,7 @@ fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
     Some((stage, meshes))
 }
 
-/// The sun mesh or the ring mesh of a stage that is given by base radii.
+/// Returns the sun mesh or the ring mesh of a stage that is given by base radii.
 fn guess(stage: &Planetary, is_sun: bool) -> Option<Engaged> {
     let (z, angle) = if is_sun {
         (stage.teeth.sun, stage.sun_pressure_angle)
@@ -164,7 +164,7 @@ fn read_gears(rack: &Node, teeth: Teeth) -> StageGeometry {
         sun: gear(teeth.sun, "sun"),
         planet: gear(teeth.planet, "planet"),
         ring: gear(teeth.ring, "ring"),
-        // Only a stiffness by a standard reads it; a mesh that asks for one writes its own.
+        // Only a stiffness by a standard uses it; a mesh with such a stiffness has its own.
         face_width: 1.0,
     }
 }

@@ -1,5 +1,5 @@
-//! Numbers from which a train can be built, but which no gearbox has. Each rule warns with the number and its usual range. `docs/SCENE.md`
-//! lists the rules.
+//! Warnings of implausible numbers, with which a train can be built but which no gearbox has. Each gives the number and its usual range.
+//! `docs/SCENE.md` lists the rules.
 
 use std::f64::consts::PI;
 
@@ -10,47 +10,47 @@ use crate::{
     train::Mesh,
 };
 
-/// Backlash and error in modules, beyond which they are no gear's. DIN 3967 has backlashes of 0.02 to 0.1 modules, ISO 1328 errors below 0.02.
+/// Largest backlash and error of a gear, modules. DIN 3967 has backlashes of 0.02 to 0.1 modules, ISO 1328 errors below 0.02.
 const BACKLASH: f64 = 0.5;
 const ERROR: f64 = 0.1;
-/// Damping ratios of meshes in steel: 0.01 to 0.2.
+/// Largest damping ratio of meshes in steel; usual are 0.01 to 0.2.
 const DAMPING: f64 = 0.5;
-/// Factor between a stiffness and that of ISO 6336-1, and the same where the face width is a guess.
+/// Largest factor between a stiffness and that of ISO 6336-1; the second if the face width is a guess.
 const STIFFNESS: [f64; 2] = [10.0, 50.0];
-/// Face width in modules where none is given: usual are 6 to 30.
+/// Face width in modules if none is given: usual are 6 to 30.
 const WIDTH: f64 = 12.0;
-/// Bending stress after Lewis, Pa: hardened teeth carry some 5e8.
+/// Largest bending stress after Lewis, Pa: hardened teeth carry some 5e8.
 const STRESS: f64 = 1e9;
-/// Profile shifts in modules: -0.8 to 1 are usual.
+/// Largest profile shift, modules: -0.8 to 1 are usual.
 const SHIFT: f64 = 1.2;
-/// Radius of gyration of a body over its outer radius: 0.7 of a disc.
+/// Least radius of gyration of a body over its outer radius: a disc has 0.7.
 const GYRATION: f64 = 0.05;
-/// Motion of a bearing under the mean load, modules.
+/// Largest motion of a bearing under the mean load, modules.
 const SAG: f64 = 0.5;
-/// Damping ratios of bearings and couplings: 0.01 to 0.2.
+/// Largest damping ratio of bearings and couplings: usual are 0.01 to 0.2.
 const SUPPORT: f64 = 1.0;
 /// Form factor Y of Lewis of a gear of 20 teeth; `Y = π (0.154 - 0.912/Z)` for 20 degrees.
 const FORM: f64 = 0.34;
-/// Speed of the pitch circle, m/s: turbine gears reach 200.
+/// Largest speed of the pitch circle, m/s: turbine gears reach 200.
 const SPEED: f64 = 300.0;
-/// Modules, m: 0.1 mm to 50 mm are made.
+/// Least and largest module, m: 0.1 mm to 50 mm are made.
 const MODULES: [f64; 2] = [5e-5, 0.1];
-/// Face widths in modules.
+/// Least and largest face width, modules.
 const WIDTHS: [f64; 2] = [0.2, 150.0];
-/// Constant drag over the torque that the teeth carry.
+/// Largest constant drag over the torque of the teeth.
 const DRAG: f64 = 0.02;
 /// Least helix angle, degrees; a smaller one is in radians.
 const HELIX: f64 = 2.0;
-/// Inertia of a gear over that of its disc of steel.
+/// Largest inertia of a gear over that of its disc of steel.
 const INERTIA: f64 = 300.0;
-/// Factor where a body counts for a gear with what is fixed to it.
+/// Factor of that limit for a body that includes more than a gear.
 pub(super) const LUMPED: f64 = 10.0;
 /// Density of steel, kg/m³.
 const STEEL: f64 = 7850.0;
-/// A zero frequency, relative to the highest one.
+/// Frequency, relative to the highest one, below which it is zero.
 const ZERO: f64 = 1e-7;
 
-/// Harmonics and contacts of which a train has unusually many.
+/// Numbers of harmonics and contacts above which a train has unusually many.
 const MANY: [usize; 2] = [5000, 1000];
 /// Memory of a harmonic, B, and of a pair of contacts; time of a harmonic in a step, s. Measured on the pair of Kahraman and Singh and on walls.
 const MEMORY: [f64; 2] = [2500.0, 8.5];
@@ -75,14 +75,14 @@ pub(super) fn size(train: &Node, spec: &Spec) {
     }
 }
 
-/// Tells that teeth of this module are made.
+/// Returns whether teeth of this module are made.
 fn is_made(teeth: &ToothMesh) -> bool {
     let m = teeth.rack.module;
     let widths = WIDTHS[0] * m..=WIDTHS[1] * m;
     (MODULES[0]..=MODULES[1]).contains(&m) && teeth.face_width.is_none_or(|width| widths.contains(&width))
 }
 
-/// Warns of the numbers of a mesh; `node` is where its contact is written, `rack` its rack.
+/// Warns of the numbers of a mesh; `node` is the place of its contact, `rack` that of its rack.
 pub(super) fn mesh(node: &Node, rack: &Node, mesh: &Mesh, teeth: &ToothMesh) {
     let m = teeth.rack.module;
     if !(MODULES[0]..=MODULES[1]).contains(&m) {
@@ -123,8 +123,8 @@ pub(super) fn mesh(node: &Node, rack: &Node, mesh: &Mesh, teeth: &ToothMesh) {
     }
 }
 
-/// Warns of a mass or an inertia that no gear of this size has. `k` says which gear of the mesh it is, `most` is 1 of a gear alone and
-/// [`LUMPED`] of one with all that is fixed to it. A mass of 0 is none.
+/// Warns of a mass or an inertia that no gear of this size has. `k` is the index of the gear in the mesh; `most` is 1 for a gear alone and
+/// [`LUMPED`] for one with all bodies fixed to it. A mass of 0 counts as none.
 pub(super) fn inertia(node: &Node, (mass, inertia): (f64, f64), teeth: &ToothMesh, k: usize, most: f64) {
     let m = teeth.rack.module;
     let width = node.at("face_width_m").written().map(|width| width.number());
@@ -164,14 +164,14 @@ pub(super) fn support(node: &Node) {
     }
 }
 
-/// Warns of a length that teeth of this module do not have, as runout: up to 0.02 modules are usual.
+/// Warns of a length that teeth of this module do not have, such as runout: up to 0.02 modules are usual.
 pub(super) fn runout(node: &Node, length: f64, module: f64) {
     if length.abs() > ERROR * module {
         node.warn(format!("{length} m; up to {:.1e} m, 0.02 modules, are usual", 0.02 * module));
     }
 }
 
-/// Warns of a drag, N m, that is no bearing's.
+/// Warns of a drag, N m, that no bearing has.
 pub(super) fn drag(node: &Node, torque: f64, teeth: &ToothMesh, k: usize) {
     let width = teeth.face_width.unwrap_or(WIDTH * teeth.rack.module);
     let most = DRAG * STRESS * FORM * width * teeth.rack.module * teeth.geometry.base_radii[k];
@@ -182,7 +182,7 @@ pub(super) fn drag(node: &Node, torque: f64, teeth: &ToothMesh, k: usize) {
     }
 }
 
-/// Warns of planets whose tip circles reach into each other: positions, rad, distance from the axis and radius of the tip circle, m.
+/// Warns of planets whose tip circles overlap: positions, rad, distance from the axis and radius of the tip circle, m.
 pub(super) fn planets(node: &Node, positions: &[f64], distance: f64, tip: f64) {
     let mut sorted = positions.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -198,7 +198,7 @@ pub(super) fn planets(node: &Node, positions: &[f64], distance: f64, tip: f64) {
     }
 }
 
-/// Warns of loads and speeds that no teeth bear, and of bodies that nothing holds. `load` and `speed` are where they are written.
+/// Warns of loads and speeds that no teeth bear, and of bodies without support. `load` and `speed` are their places.
 pub(super) fn train(train: &Node, spec: &Spec, meshes: &[ToothMesh]) {
     if meshes.is_empty() || !meshes.iter().all(is_made) {
         return;
@@ -261,7 +261,7 @@ pub(super) fn train(train: &Node, spec: &Spec, meshes: &[ToothMesh]) {
     unheld(train, spec);
 }
 
-/// Place of the load of a train.
+/// Returns the place of the load of a train.
 fn load<'a>(train: &Node<'a>) -> Node<'a> {
     let shafts = train.at("shafts");
     let of_shafts = shafts
@@ -274,7 +274,7 @@ fn load<'a>(train: &Node<'a>) -> Node<'a> {
     of_shafts.or(direct).unwrap_or_else(|| train.clone())
 }
 
-/// Place of the speed of a train.
+/// Returns the place of the speed of a train.
 fn speed_of<'a>(train: &Node<'a>) -> Node<'a> {
     let of_shafts = train
         .at("shafts")
@@ -285,7 +285,7 @@ fn speed_of<'a>(train: &Node<'a>) -> Node<'a> {
     of_shafts.unwrap_or_else(|| train.at("speed_rpm"))
 }
 
-/// Warns of freedoms that move without any stiffness, where more than the train's own rotation does.
+/// Warns of freedoms that move without any stiffness, beyond the rotation of the train as a whole.
 fn unheld(train: &Node, spec: &Spec) {
     let Ok(modes) = bonded_modes(spec) else { return };
     let highest = modes.omega.iter().copied().fold(0.0, f64::max);
@@ -293,7 +293,7 @@ fn unheld(train: &Node, spec: &Spec) {
     if free.len() < 2 {
         return;
     }
-    // Shares of the free motions in each freedom; those along which nothing turns come first.
+    // Shares of the free motions in each freedom; those without rotation come first.
     let share = |i: usize| free.iter().map(|k| modes.shapes[(i, *k)].powi(2) * spec.mass[(i, i)]).sum::<f64>();
     let moving: Vec<usize> = (0..spec.freedoms.len()).filter(|i| share(*i) > 1e-6).collect();
     let sideways: Vec<usize> = moving.iter().copied().filter(|i| !spec.freedoms[*i].starts_with("u_")).collect();

@@ -15,7 +15,7 @@ macro_rules! presets {
 pub(super) const PRESETS: [(&str, &str); 6] =
     presets!["reference-light", "reference", "reference-heavy", "reference-float", "exact-frequencies", "lin-parker"];
 
-/// Keys that say the same thing in two ways: one that is written replaces the preset's other one.
+/// Keys with one meaning: a written one replaces the other of the preset.
 const ALTERNATIVES: [&[&str]; 10] = [
     &["damping_nm_s_per_rad", "damping_ratio"],
     &["pressure_angle_rad", "pressure_angle_deg"],
@@ -29,10 +29,10 @@ const ALTERNATIVES: [&[&str]; 10] = [
     &["ring_pressure_angle_rad", "ring_pressure_angle_deg"],
 ];
 
-/// Relative difference of numbers in a preset that are rounded.
+/// Relative difference of rounded numbers in a preset.
 const SAME: f64 = 1e-9;
 
-/// A scene with its preset, if it names one, replaced by what the preset stands for.
+/// Returns a scene with its preset, if any, expanded.
 pub(super) fn expand(scene: &Value) -> Value {
     let mut scene = scene.clone();
     let Some(train) = scene.get_mut("train").and_then(Value::as_object_mut) else { return scene };
@@ -49,7 +49,7 @@ pub(super) fn expand(scene: &Value) -> Value {
     if known.is_some() {
         train.remove("preset");
     }
-    // A preset that does not exist is one fault, not one for each key it would have brought.
+    // A preset that does not exist is one fault, not one for each of its keys.
     let (_, text) = known.unwrap_or(&PRESETS[0]);
     if let Ok(Value::Object(mut base)) = serde_json::from_str(text).map(|mut file: Value| file["train"].take()) {
         if has_other_teeth(&base, train) {
@@ -61,7 +61,7 @@ pub(super) fn expand(scene: &Value) -> Value {
     scene
 }
 
-/// Tells that the teeth written over a preset are not its own: other numbers, or a rack that gives other radii, angles or phases.
+/// Returns whether the teeth written over a preset differ from its own: other numbers, or a rack that gives other radii, angles or phases.
 fn has_other_teeth(base: &Map<String, Value>, train: &Map<String, Value>) -> bool {
     if train.get("teeth").is_some_and(|teeth| base.get("teeth") != Some(teeth)) {
         return true;
@@ -95,7 +95,7 @@ fn has_other_teeth(base: &Map<String, Value>, train: &Map<String, Value>) -> boo
     !are_same
 }
 
-/// Removes the numbers of a preset that follow from its teeth: other teeth bring their own, or are asked for them.
+/// Removes the numbers of a preset that follow from its teeth: other teeth have other ones.
 fn drop_what_teeth_give(base: &mut Map<String, Value>) {
     base.retain(|key, _| !(key.contains("pressure_angle") || key == "ring_phase"));
     let parts: [(&[&str], &[&str]); 2] = [
@@ -110,7 +110,7 @@ fn drop_what_teeth_give(base: &mut Map<String, Value>) {
     }
 }
 
-/// Writes what all meshes of a gearbox have in common into each of them.
+/// Copies the common values of all meshes of a gearbox into each of them.
 fn share(train: &mut Map<String, Value>) {
     let mut take = |key: &str| match train.get(key) {
         Some(Value::Object(_)) => train.remove(key),

@@ -1,4 +1,4 @@
-//! How long to run, how exactly, and what to write.
+//! Duration, accuracy and output of a run.
 
 use super::node::Node;
 use crate::{
@@ -8,7 +8,7 @@ use crate::{
     vectors::Instructions,
 };
 
-/// How long a run lasts.
+/// Duration of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Duration {
     /// Whole cycles of the excitation, counted from the start cycle.
@@ -28,41 +28,41 @@ pub(super) const METHODS: [(&str, Choice); 5] = [
 /// Frame in which trajectories are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Frame {
-    /// Turning with the carrier, as the equations are.
+    /// Rotating with the carrier, as the equations are.
     #[default]
     Rotating,
     /// At rest.
     Fixed,
 }
 
-/// The run a scene asks for.
+/// Settings of the run in a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
-    /// How long.
+    /// Duration.
     pub duration: Duration,
-    /// Length of one cycle, s, if the train or the scene names one.
+    /// Length of one cycle, s, if given by the train or the scene.
     pub period: Option<f64>,
     /// Cycle in which the run starts: `t = start_cycle · period`.
     pub start_cycle: u64,
     /// Cycles left out of the measures.
     pub transient_cycles: u64,
-    /// Most events before the run is stopped.
+    /// Most events before the run stops.
     pub event_budget: u64,
     /// Most steps before the run fails.
     pub step_budget: u64,
-    /// Error of the time of an event that its arc may add, of the period; 0 is full precision.
+    /// Error of the time of an event that its arc may add, as a share of the period; 0 is full precision.
     pub event_tolerance: f64,
     /// Integrator.
     pub method: Choice,
-    /// Its tolerance, relative to the scale of the motion.
+    /// Tolerance of the integrator, relative to the scale of the motion.
     pub tolerance: f64,
-    /// Vector instructions that its series are summed by.
+    /// Vector instructions for the sums of its series.
     pub instructions: Instructions,
-    /// Approach speed below which a chatter sequence may be summed, m/s; `None` leaves it to the engine.
+    /// Approach speed below which a chatter sequence may be summed, m/s; `None`: chosen by the engine.
     pub chatter_speed: Option<f64>,
-    /// Whether events tell what the run before has amplified, see [`Inherited`](crate::tangent::Inherited).
+    /// True if uncertainties of events include the amplification by the run before, see [`Inherited`](crate::tangent::Inherited).
     pub inherited_uncertainty: bool,
-    /// Whether the run is checked arc by arc, see [`verify`](crate::verify).
+    /// True if the run is checked arc by arc, see [`verify`](crate::verify).
     pub verify: bool,
     /// Trajectory samples per cycle; 0 writes no trajectory.
     pub samples_per_cycle: u64,
@@ -71,7 +71,7 @@ pub struct Run {
 }
 
 impl Run {
-    /// A run of this length with every other setting as in a scene that does not name it.
+    /// Returns a run of this length with the defaults of a scene for all other settings.
     ///
     /// ```
     /// use flank::scene::{Duration, Run};
@@ -100,7 +100,7 @@ impl Run {
         }
     }
 
-    /// Time at which the run ends, s.
+    /// Returns the time at which the run ends, s.
     #[must_use]
     pub fn end(&self) -> f64 {
         match self.duration {
@@ -109,16 +109,16 @@ impl Run {
         }
     }
 
-    /// Where the run starts, where its measures start and where it ends, on the clock of its train.
+    /// Returns the instants of start, start of measures and end of the run, on the clock of its train.
     ///
-    /// Whole cycles of the clock stay whole, however many they are.
+    /// Whole cycles of the clock remain exact, for any number.
     #[must_use]
     pub fn instants(&self, clock: &Clock) -> [Instant; 3] {
         let forcing = clock.period().map(crate::hybrid::Wide::value);
-        // A period written in a scene and that of the clock, 2π/ω, differ by rounding.
+        // A period in a scene and that of the clock, 2π/ω, differ by rounding.
         let whole = self.period.zip(forcing).is_some_and(|(own, clock)| (own - clock).abs() <= 1.0e-14 * clock);
         let at = |cycles: u64| match self.period {
-            // OK to convert: scenes count up to 10¹⁵ cycles.
+            // Exact: scenes count up to 10¹⁵ cycles.
             Some(_) if whole => clock.at(cycles as i64, 0.0),
             Some(period) => clock.instant(cycles as f64 * period),
             None => clock.instant(0.0),
@@ -131,7 +131,7 @@ impl Run {
     }
 }
 
-/// The run written here, for a train.
+/// Reads the run for a train.
 pub(super) fn read(node: &Node, spec: &Spec) -> Run {
     let period_node = node.at_unit("period", "s");
     let period =
@@ -190,7 +190,7 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
     }
 }
 
-/// Those that are written here, else the best.
+/// Reads the vector instructions; by default the best.
 fn instructions(node: &Node) -> Instructions {
     let best = Instructions::best();
     let Some(node) = node.clone().written() else { return best };

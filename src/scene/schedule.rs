@@ -10,7 +10,7 @@ pub(super) fn read(node: &Node) -> Stiffness {
     let number = |key: &str| node.at(key).number();
     let (period, origin) = (node.at_unit("period", "s").number(), node.at_unit("origin", "s").number());
     let from_pairs = |waveform| {
-        // The highest count then starts at phase zero.
+        // The interval with the highest count then starts at phase zero.
         let path = PathOfContact { recess: number("contact_ratio"), ..PathOfContact::default() };
         Stiffness::from_contact_ratio(number("mean"), path, waveform, number("modulation"), period, number("phase"))
     };
@@ -34,7 +34,7 @@ pub(super) fn read(node: &Node) -> Stiffness {
     }
 }
 
-/// A measured stiffness, as lines or as a series.
+/// Reads a measured stiffness, as lines or as a series.
 fn measured(node: &Node) -> Option<Stiffness> {
     let (period, origin) = (node.at_unit("period", "s").number(), node.at_unit("origin", "s").number());
     let curve = curve::stiffness(node, curve::read(node, &curve::STIFFNESSES)?)?;
@@ -56,7 +56,7 @@ fn harmonic(node: &Node) -> Stiffness {
     Stiffness::Harmonic { mean, harmonics }
 }
 
-/// Starts in the middle of the rise, so that the origin is the same as that of the rectangular wave.
+/// Returns a wave that starts in the middle of the rise, with the origin of the rectangular wave.
 fn trapezoidal(node: &Node, period: f64, origin: f64) -> Stiffness {
     let number = |key: &str| node.at(key).number();
     let (high, low, duty, ramp) = (number("high"), number("low"), number("duty"), number("ramp"));

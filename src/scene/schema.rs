@@ -1,10 +1,10 @@
-//! The JSON Schema (draft 2020-12) of a scene, printed from the shapes the check itself reads.
+//! JSON Schema (draft 2020-12) of a scene, from the shapes that the check uses.
 
 use serde_json::{Map, Value, json};
 
 use super::shape::{Object, Presence, Shape};
 
-/// The schema of a shape; in a partial object nothing is required, as a preset may bring it.
+/// Returns the schema of a shape; in a partial object no key is required, as a preset may supply it.
 pub(super) fn schema_of(shape: &Shape, partial: bool) -> Value {
     match shape {
         Shape::Number(span) => {

@@ -1,4 +1,4 @@
-//! What may stand where: one description that the check, the defaults and the JSON Schema all read.
+//! Allowed values of a scene: one description for the check, the defaults and the JSON Schema.
 
 use std::sync::LazyLock;
 
@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::{law, preset, run};
 
-/// Longest list a scene may hold.
+/// Longest list in a scene.
 const MAX_LIST: usize = 1_000_000;
 
 /// Unit suffixes of the keys, or none for a train in dimensionless form.
@@ -17,7 +17,7 @@ pub(super) enum Units {
 }
 
 impl Units {
-    /// A key with its unit: `key("period", "s")` is `period_s`, or `period` in dimensionless form.
+    /// Returns a key with its unit: `key("period", "s")` is `period_s`, or `period` in dimensionless form.
     pub fn key(self, stem: &str, unit: &str) -> String {
         match self {
             Self::Si => format!("{stem}_{unit}"),
@@ -26,12 +26,12 @@ impl Units {
     }
 }
 
-/// Where a number may lie.
+/// Range of a number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Span {
-    /// Lower bound, and whether it belongs to the span.
+    /// Lower bound, and true if it is included.
     pub low: Option<(f64, bool)>,
-    /// Upper bound, and whether it belongs to the span.
+    /// Upper bound, and true if it is included.
     pub high: Option<(f64, bool)>,
 }
 
@@ -59,10 +59,10 @@ fn excluded(closed: bool) -> &'static str {
     if closed { "" } else { " (excluded)" }
 }
 
-/// Characters of a name: it stands in tables, figures and messages.
+/// Most characters of a name: it appears in tables, figures and messages.
 const NAME: usize = 200;
 
-/// What a value may be.
+/// Allowed form of a value.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
     Number(Span),
@@ -71,7 +71,7 @@ pub(super) enum Shape {
         max: u64,
     },
     Flag,
-    /// A text of at most so many characters.
+    /// A text of at most this number of characters.
     Text(usize),
     /// A decimal number as text, of any length.
     Decimal,
@@ -83,7 +83,7 @@ pub(super) enum Shape {
         min: usize,
         max: usize,
     },
-    /// An object whose keys the user names.
+    /// An object whose keys are names by the user.
     Map(Box<Shape>),
     Object(Object),
     /// An object whose keys depend on the word under one of them.
@@ -91,7 +91,7 @@ pub(super) enum Shape {
         tag: String,
         cases: Vec<(String, Object)>,
     },
-    /// One of several shapes, told apart by their JSON types.
+    /// One of several shapes, distinguished by their JSON types.
     Either(Vec<Shape>),
 }
 
@@ -101,9 +101,9 @@ pub(super) struct Object {
     pub fields: Vec<Field>,
     /// Keys that exclude each other.
     pub groups: Vec<Group>,
-    /// Whether it may be written in part, the rest coming from a preset.
+    /// True if a part suffices, with the rest from a preset.
     pub partial: bool,
-    /// Keys people write by mistake, and what to write instead.
+    /// Keys in frequent mistakes, with the right key.
     pub mistakes: Vec<(String, String)>,
 }
 
@@ -111,7 +111,7 @@ pub(super) struct Object {
 #[derive(Clone, Debug)]
 pub(super) struct Group {
     pub keys: Vec<String>,
-    /// Whether one of them is needed.
+    /// True if one of them is needed.
     pub needed: bool,
 }
 
@@ -124,13 +124,13 @@ pub(super) struct Field {
     pub presence: Presence,
 }
 
-/// Whether a key may be left out.
+/// Rule for a missing key.
 #[derive(Clone, Debug)]
 pub(super) enum Presence {
     Needed,
-    /// It may, or be `null`; nothing stands for it then.
+    /// The key may be missing, or be `null`, without a substitute.
     Free,
-    /// It may, or be `null`; this value stands for it then.
+    /// The key may be missing, or be `null`; this value is its default.
     Default(Value),
 }
 
@@ -139,7 +139,7 @@ pub(super) fn scene(units: Units) -> &'static Shape {
         let all: Value = serde_json::from_str(include_str!("shapes.json")).expect("the shapes are JSON");
         Reader { all: &all, units }.shape(&all["scene"]).expect("the shapes are whole")
     }
-    // A run needs one of them.
+    // Every run needs one of them.
     static SI: LazyLock<Shape> = LazyLock::new(|| read(Units::Si));
     static NONE: LazyLock<Shape> = LazyLock::new(|| read(Units::None));
     if units == Units::None { &NONE } else { &SI }
@@ -157,7 +157,7 @@ struct Reader<'v> {
     units: Units,
 }
 
-/// The texts of a list.
+/// Returns the texts of a list.
 fn texts(list: &Value) -> Vec<String> {
     list.as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned).collect()
 }
@@ -263,7 +263,7 @@ impl Reader<'_> {
 }
 
 impl Shape {
-    /// What it allows, in words.
+    /// Returns the allowed values, in words.
     pub fn describe(&self) -> String {
         match self {
             Self::Number(span) => span.describe(),
@@ -296,13 +296,13 @@ impl Shape {
         }
     }
 
-    /// Whether the JSON type of a value is the one this shape is about.
+    /// Returns whether a value has the JSON type of this shape.
     pub fn is_about(&self, value: &Value) -> bool {
         match self {
             Self::Number(_) | Self::Whole { .. } => value.is_number(),
             Self::Flag => value.is_boolean(),
             Self::Text(_) | Self::Decimal | Self::Ratio | Self::Choice(_) => value.is_string(),
-            // A list of lists is told from a list of numbers by its first item.
+            // A list of lists is distinguished from a list of numbers by its first item.
             Self::List { item, .. } => {
                 value.as_array().is_some_and(|items| items.first().is_none_or(|first| item.is_about(first)))
             }
@@ -312,7 +312,7 @@ impl Shape {
     }
 }
 
-/// `"a", "b" or "c"`.
+/// Returns quoted words: `"a", "b" or "c"`.
 pub(super) fn quoted<'a>(words: impl IntoIterator<Item = &'a str>) -> String {
     let words: Vec<String> = words.into_iter().map(|word| format!("\"{word}\"")).collect();
     match words.split_last() {

@@ -1,5 +1,5 @@
-//! Files of measured points, put into a scene as it is read. What stands in the scene afterwards is `points`: it needs the file no more, and its
-//! hash contains what the file contained.
+//! Files of measured points, which are copied into a scene as it is read. The scene then contains `points`: it no longer needs the file,
+//! and its hash covers the content of the file.
 
 use std::path::Path;
 
@@ -8,11 +8,11 @@ use serde_json::{Map, Value, json};
 use super::fault::{Fault, below};
 use crate::output::read_file;
 
-/// Bytes of a table.
+/// Most bytes of a table.
 const MOST_BYTES: u64 = 16 << 20;
-/// Faults of one table that are listed.
+/// Most faults of one table that are listed.
 const SHOWN: usize = 20;
-/// Characters of a cell that a message shows.
+/// Most characters of a cell in a message.
 const CELL: usize = 40;
 
 /// Replaces `table`, the path of a file below `folder`, by `points` wherever a curve names one.
@@ -24,7 +24,7 @@ pub(super) fn load(value: &mut Value, folder: &Path, pointer: &str, faults: &mut
             }
         }
         Value::Object(object) => {
-            // Both are one too many, which the shape tells.
+            // Both keys are one too many, which the shape reports.
             if object.get("table").is_some_and(Value::is_string) && !object.contains_key("points") {
                 fill(object, folder, pointer, faults);
             }
@@ -69,17 +69,17 @@ fn fill(object: &mut Map<String, Value>, folder: &Path, pointer: &str, faults: &
         let fault = Fault::new(&place, format!("{} lines with numbers in {name}", points.len()), "two lines at least");
         own.push(fault.remedy("write one line for each point: place, value"));
     }
-    // The rest of the scene is checked too: something has to stand here.
+    // The rest of the scene is checked too: points are needed here.
     let points = if own.is_empty() { points } else { vec![json!([0.0, 1.0]), json!([0.5, 1.0])] };
     object.insert("points".to_owned(), points.into());
     faults.extend(own);
 }
 
-/// Rows of a file with their lines; the head, if it has one.
+/// Rows of a file with their lines, and the head, if it has one.
 struct Table {
     head: Vec<String>,
     rows: Vec<(u64, Vec<String>)>,
-    /// Numbers have decimal commas, as beside semicolons.
+    /// True if numbers have decimal commas, as in files with semicolons.
     has_commas: bool,
 }
 
@@ -90,7 +90,7 @@ impl Table {
         let delimiter = [';', '\t', ','].into_iter().find(|sign| first.contains(*sign)).unwrap_or(' ');
         let mut reader = csv::ReaderBuilder::new();
         reader.delimiter(delimiter as u8).has_headers(false).flexible(true).comment(Some(b'#')).trim(csv::Trim::All);
-        // Bytes that are no record of CSV do not exist: every text can be read.
+        // Any bytes are records of CSV: every text can be read.
         let records = reader.from_reader(text.as_bytes()).into_records().flatten();
         let mut rows: Vec<(u64, Vec<String>)> = records
             .map(|record| (record.position().map_or(0, csv::Position::line), record.iter().map(String::from).collect()))
@@ -109,7 +109,7 @@ impl Table {
         text.parse().ok()
     }
 
-    /// Numbers of the columns of place and value, counted from 0.
+    /// Returns the indices of the columns of place and value, from 0.
     fn columns(&self, asked: Option<&Value>, pointer: &str, faults: &mut Vec<Fault>) -> Option<[usize; 2]> {
         let Some(asked) = asked.and_then(Value::as_array).filter(|asked| asked.len() == 2) else { return Some([0, 1]) };
         let names: Vec<&str> = self.head.iter().map(|cell| split(cell).0).collect();
@@ -129,7 +129,7 @@ impl Table {
         Some([one?, two?])
     }
 
-    /// The numbers of two columns.
+    /// Returns the numbers of two columns.
     fn points(&self, columns: [usize; 2], (name, place): (&str, &str), faults: &mut Vec<Fault>) -> Vec<Value> {
         let mut points = Vec::new();
         for (line, cells) in &self.rows {
@@ -151,7 +151,7 @@ impl Table {
         points
     }
 
-    /// The unit in the head of a column, as a scene writes it: `stiffness [N/µm]` or `stiffness (N/um)`.
+    /// Returns the unit in the head of a column, in the form of a scene: `stiffness [N/µm]` or `stiffness (N/um)`.
     fn unit(&self, column: usize) -> Option<String> {
         let unit = split(self.head.get(column)?).1?;
         let plain = unit.replace(['µ', 'μ'], "u").replace('°', "deg");
@@ -159,7 +159,7 @@ impl Table {
     }
 }
 
-/// Name and unit in the head of a column.
+/// Returns name and unit in the head of a column.
 fn split(cell: &str) -> (&str, Option<&str>) {
     let ends = [('[', ']'), ('(', ')')];
     let cut = ends.into_iter().find_map(|(open, close)| cell.strip_suffix(close)?.split_once(open));

@@ -7,7 +7,7 @@ use crate::{
     verify::Difference,
 };
 
-/// Why a simulation cannot be made or run, or why its numbers must not be used.
+/// Error of a simulation that cannot be made or run, or whose numbers must not be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulationError {
@@ -29,12 +29,12 @@ pub enum SimulationError {
     /// The run does not agree with its check.
     #[error("the run is wrong or not certain: {0}")]
     Verify(#[from] Difference),
-    /// A simulation lacks what was asked of it.
+    /// A simulation lacks data for a measure.
     #[error("{name}: {missing}")]
     Missing {
         /// Name of the simulation.
         name: String,
-        /// What is missing, and the remedy.
+        /// Missing data, and the remedy.
         missing: String,
     },
     /// The energy ledger does not balance.
@@ -42,7 +42,7 @@ pub enum SimulationError {
     Energy {
         /// Residual over throughput.
         closure: f64,
-        /// The largest that is allowed: what rounding explains, and no more than half a percent of the largest column.
+        /// Largest allowed value: that of rounding, at most half a percent of the largest column.
         rounding: f64,
     },
     /// A measure of the run is not a number.
@@ -51,13 +51,13 @@ pub enum SimulationError {
     /// The output folder cannot be written into.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// A file cannot be written to its end.
+    /// A file cannot be written completely.
     #[error("{0}: {1}")]
     File(&'static str, std::io::Error),
 }
 
 impl SimulationError {
-    /// The error of a measure that needs more than the simulation called `name` has.
+    /// Returns the error of a measure that the simulation `name` lacks data for.
     pub(crate) fn missing(name: &str, missing: impl Into<String>) -> Self {
         Self::Missing { name: name.to_owned(), missing: missing.into() }
     }

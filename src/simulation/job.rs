@@ -32,37 +32,37 @@ const EVERY: u32 = 64;
 /// Harmonics of the transmission errors.
 const HARMONICS: usize = 8;
 
-/// One run of a [`Simulation`], and what it does besides. Its fields start as the settings of the simulation have them.
+/// One run of a [`Simulation`], with its options. The fields are initialised from the settings of the simulation.
 #[must_use = "a job does nothing until it runs or writes"]
 pub struct Job<'a> {
-    /// What runs.
+    /// Simulation that runs.
     pub simulation: &'a Simulation,
-    /// Watches the run, and may break it off.
+    /// Observer of the run, which may interrupt it.
     pub observer: Option<&'a mut dyn Observer>,
-    /// Cancels and follows the run. A cancelled run gives a record too.
+    /// Task that cancels and follows the run. A cancelled run gives a record too.
     pub task: Task<'a>,
-    /// Stops the run after this many events.
+    /// Number of events after which the run stops.
     pub max_events: u64,
-    /// Checks every event by two other ways; see [`verify`](crate::verify).
+    /// True to check every event in two other ways; see [`verify`](crate::verify).
     pub verify: bool,
-    /// Writes `trajectory.csv` too, with 64 samples a cycle where the settings name no number.
+    /// True to write `trajectory.csv` too, with 64 samples per cycle by default.
     pub trajectory: bool,
-    /// Writes `events.jsonl` and `events.csv`; without them a long run takes no room.
+    /// True to write `events.jsonl` and `events.csv`; without them a long run takes no disk space.
     pub log: bool,
-    /// Replaces the files of an earlier run, and nothing else, in a folder that is not empty.
+    /// True to replace the files of an earlier run, and no others, in a folder that is not empty.
     pub replace: bool,
 }
 
-/// The record of a run. It reads as its [`Summary`]: `record.contacts`, `record.energy`.
+/// Record of a run. It dereferences to its [`Summary`]: `record.contacts`, `record.energy`.
 #[derive(Debug)]
 pub struct RunRecord {
-    /// Measures, and what they came from.
+    /// Measures, with their origin.
     pub summary: Summary,
     /// A row of every event; empty after [`Job::write`], which has them in `events.jsonl`.
     pub events: Vec<EventRow>,
-    /// State at its end.
+    /// State at the end of the run.
     pub end: State,
-    /// Why the numbers must not be used, if so.
+    /// Reason for which the numbers must not be used, if any.
     pub failure: Option<SimulationError>,
 }
 
@@ -89,7 +89,7 @@ impl<'a> Job<'a> {
         }
     }
 
-    /// Runs to the end and keeps a row of every event.
+    /// Runs to the end and stores a row of every event.
     ///
     /// # Errors
     /// [`SimulationError`] if the run cannot start, fails, or contradicts itself.
@@ -97,17 +97,16 @@ impl<'a> Job<'a> {
         self.attempt(None).and_then(RunRecord::sound)
     }
 
-    /// Runs to the end and writes `events.jsonl`, `summary.json`, the manifest, and `trajectory.csv` if asked for.
+    /// Runs to the end and writes `events.jsonl`, `summary.json`, the manifest, and `trajectory.csv` if requested.
     ///
     /// # Errors
-    /// As [`run`](Self::run); [`SimulationError::Output`] or [`SimulationError::File`] if a file cannot be written. Whatever
-    /// was written stays.
+    /// Errors of [`run`](Self::run); [`SimulationError::Output`] or [`SimulationError::File`] if a file cannot be written. Files already
+    /// written are kept.
     pub fn write(self, folder: impl AsRef<Path>) -> Result<RunRecord, SimulationError> {
         self.attempt(Some(folder.as_ref())).and_then(RunRecord::sound)
     }
 
-    /// Runs as [`write`](Self::write), or as [`run`](Self::run) without a folder, and gives the record of a run that failed
-    /// too.
+    /// Runs as [`write`](Self::write) does, or as [`run`](Self::run) without a folder, and returns the record of a failed run too.
     ///
     /// # Errors
     /// [`SimulationError`] if the run cannot start or a file cannot be written.
@@ -159,7 +158,7 @@ impl<'a> Job<'a> {
         let result = engine.run(end, &mut (((&mut inherited, measures), (&mut trajectory, &mut watch)), &mut observer));
         let state = engine.state();
         if let Ok(Outcome::ReachedEnd) = result {
-            // A break here is a file that cannot be written: it is reported with the file.
+            // An interruption here is a file that cannot be written: it is reported with the file.
             let _ = trajectory.finish(state);
         }
         let verified = check.as_mut().map_or(Ok(()), |check| check.finish(state.at));
@@ -202,7 +201,7 @@ impl<'a> Job<'a> {
         };
         let end = state.clone();
         let step = clock.between(from, state.at) / summary.work.steps.max(1) as f64;
-        // A difference comes before what follows from it; a run that failed says so itself.
+        // A difference is reported before its consequences; a failed run has a reason already.
         let failure = verified.err().map(SimulationError::from).or_else(|| match result {
             Ok(_) => alarm(simulation, &summary, (step, ledger.reach()), left_out),
             Err(error) => Some(error.into()),
@@ -220,31 +219,31 @@ impl<'a> Job<'a> {
 }
 
 impl RunRecord {
-    /// The record, if its numbers can be used.
+    /// Returns the record, if its numbers can be used.
     fn sound(mut self) -> Result<Self, SimulationError> {
         self.failure.take().map_or(Ok(self), Err)
     }
 }
 
-/// The contradiction in the numbers of a run, if any; `step` is the mean step, s, that leaves out `left_out` of the rates, `reach` the
-/// largest size of each component of the state.
+/// Returns the contradiction in the numbers of a run, if any. `step` is the mean step, s, and `left_out` the truncation of the rates in it;
+/// `reach` is the largest size of each component of the state.
 fn alarm(
     simulation: &Simulation,
     summary: &Summary,
     (step, reach): (f64, &[f64]),
     left_out: f64,
 ) -> Option<SimulationError> {
-    // The ledger takes K as symmetric, and knows rounding and truncation only.
+    // The ledger assumes a symmetric K, and includes rounding and truncation only.
     let (spec, steps) = (simulation.structure.spec(), summary.work.steps);
     let modes = &summary.integrator.modes;
-    // A method that was asked for by its name lists no modes.
+    // A method that was requested by name lists no modes.
     let is_exact = modes.iter().all(|(_, name)| *name == "taylor")
         && (!modes.is_empty() || simulation.settings.method == Choice::Taylor);
     let is_symmetric = spec.stiffness == spec.stiffness.transpose();
     let throughput = summary.energy.throughput;
     let energy = simulation.structure.rounded_energy(step, throughput);
     let held = simulation.structure.held_energy(reach, throughput);
-    // Of each degree of freedom a kinetic energy and that of springs: products of two factors, each off by twice the truncation.
+    // Each degree of freedom has a kinetic energy and that of springs: products of two factors, each with an error of twice the truncation.
     let left_out = 8.0 * spec.freedoms.len() as f64 * left_out;
     let limit = summary.energy.limit([energy, held], steps, left_out);
     if is_exact && is_symmetric && summary.energy.residual.abs() > limit {
@@ -254,7 +253,7 @@ fn alarm(
     summary.overflow().map(SimulationError::Overflow)
 }
 
-/// Reports how far a run is, and breaks it off once its task is cancelled.
+/// Observer that reports the progress of a run, and interrupts it once its task is cancelled.
 struct Watchman<'a> {
     task: Task<'a>,
     clock: &'a Clock,

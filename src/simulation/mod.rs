@@ -1,9 +1,9 @@
-//! The front door: a scene, or a train built in Rust, ready to run.
+//! Simulation: a scene, or a train built in Rust, ready to run.
 //!
-//! A [`Simulation`] holds a train, its start and the settings of its run. [`Simulation::run`] gives a [`RunRecord`] with
-//! measures and events. [`Simulation::write`] writes the files of `flank run`. A [`Job`] sets what one run does besides.
+//! A [`Simulation`] holds a train, its start and the settings of its run. [`Simulation::run`] returns a [`RunRecord`] with measures and
+//! events. [`Simulation::write`] writes the files of `flank run`. A [`Job`] sets the options of one run.
 //!
-//! The borrowing types behind it ([`Structure`], [`Engine`], observers) stay public, for those who drive a run themselves.
+//! The borrowing types behind it ([`Structure`], [`Engine`], observers) stay public, for direct control of a run.
 
 mod error;
 mod job;
@@ -38,50 +38,50 @@ use crate::{
     verify::Verifier,
 };
 
-/// Phase, rad, that a step passes of the fastest oscillation: measured at a linear wall, over 2e3 and 2e4 rad.
+/// Phase, rad, that a step covers of the fastest oscillation: measured at a linear wall, over 2e3 and 2e4 rad.
 const RADIANS_PER_STEP: f64 = 2.4;
 
-/// Condition number of a scaled mass matrix from which the rounding of its entries is worth a warning: it costs 1e-10 of a period.
+/// Condition number of a scaled mass matrix above which a warning tells of the rounding of its entries: it costs 1e-10 of a period.
 const ILL_CONDITIONED: f64 = 1e6;
 
-/// A train, its start and the settings of its run.
+/// Train with its start and the settings of its run.
 #[derive(Clone, Debug)]
 pub struct Simulation {
     /// Name in messages and in the summary.
     pub name: String,
     /// The train.
     pub structure: Structure,
-    /// How long to run, and how exactly.
+    /// Duration and accuracy of the run.
     pub settings: Run,
-    /// Coordinates at the start, `[n]`.
+    /// Coordinates at the start, m, `[n]`.
     pub q0: Vec<f64>,
-    /// Velocities at the start, `[n]`.
+    /// Velocities at the start, m/s, `[n]`.
     pub v0: Vec<f64>,
-    /// What these do not say of the start.
+    /// Further data of the start: latched speeds and modes of contacts.
     pub memory: Memory,
-    /// Whether the start is the static equilibrium, so that a changed train starts in its own.
+    /// True if the start is the static equilibrium, so that a changed train starts in its own.
     pub is_static: bool,
-    /// Whether the train is in dimensionless form.
+    /// True if the train is in dimensionless form.
     pub dimensionless: bool,
-    /// Speed of the frame the train is written in, rad/s, if it turns.
+    /// Speed of a rotating frame in which the train is written, rad/s.
     pub carrier_speed: Option<f64>,
-    /// Meshes whose teeth are given, in the order of the contacts.
+    /// Meshes with given teeth, in the order of the contacts.
     pub meshes: Vec<ToothMesh>,
     /// Mean speeds of the shafts and the loose gears of a gearbox, rad/s, by name.
     pub speeds: Vec<(String, f64)>,
-    /// The train as a picture shows it, if its gears are known.
+    /// Train in the form of a picture, if its gears are known.
     pub drawing: Option<Drawing>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<Warning>,
-    /// Remarks: how well series fit measured curves.
+    /// Remarks on the fit of series to measured curves.
     pub remarks: Vec<Warning>,
-    /// Why the start does not fit the train.
+    /// Faults of a start that does not fit the train.
     start_faults: Vec<Fault>,
-    /// Periods of the scene's clock in a cycle, and the number of the period that cycle 0 begins with; none unless cycles are common ones.
+    /// Periods of the scene's clock in a cycle, and the index of the period with which cycle 0 begins; none unless cycles are common ones.
     common: Option<[u64; 2]>,
-    /// The scene with every default; null for a train built in Rust.
+    /// Scene with every default; null for a train built in Rust.
     scene: Value,
-    /// The file of the scene: no output replaces it.
+    /// File of the scene, which no output replaces.
     file: Option<PathBuf>,
 }
 
@@ -103,7 +103,7 @@ impl Simulation {
         Ok(Self { file, ..Self::from_scene(Scene::from_file(path)?)? })
     }
 
-    /// Takes what a scene has built. A borrowed scene is copied.
+    /// Returns the simulation of a scene. A borrowed scene is copied.
     ///
     /// # Errors
     /// [`SimulationError::Assemble`].
@@ -113,7 +113,7 @@ impl Simulation {
         Ok(Self { is_static, scene, ..Self::from_built(&name, built)? })
     }
 
-    /// Takes what a scene has built, or what was made from it.
+    /// Returns the simulation of a built scene, possibly changed.
     ///
     /// # Errors
     /// [`SimulationError::Assemble`].
@@ -140,8 +140,8 @@ impl Simulation {
         })
     }
 
-    /// Takes a train built in Rust. It starts at rest with all coordinates zero; [`starting_at`](Self::starting_at) changes
-    /// that. A run without a period has that of the train.
+    /// Returns the simulation of a train built in Rust. It starts at rest with all coordinates zero; [`starting_at`](Self::starting_at)
+    /// changes that. A run without a period has that of the train.
     ///
     /// # Errors
     /// [`SimulationError::Assemble`]; [`SimulationError::Missing`] for a run without an end after its start and transient.
@@ -177,7 +177,7 @@ impl Simulation {
         )
     }
 
-    /// Starts at these coordinates, m, and velocities, m/s, `[n]` each; its scene then says so.
+    /// Starts at these coordinates, m, and velocities, m/s, `[n]` each; its scene is changed accordingly.
     #[must_use]
     pub fn starting_at(mut self, q0: Vec<f64>, v0: Vec<f64>) -> Self {
         if !self.scene.is_null() {
@@ -186,7 +186,7 @@ impl Simulation {
         Self { q0, v0, memory: Memory::default(), is_static: false, start_faults: Vec::new(), ..self }
     }
 
-    /// Runs to the end and keeps a row of every event, about a kilobyte each.
+    /// Runs to the end and stores a row of every event, about a kilobyte each.
     ///
     /// # Errors
     /// [`SimulationError`] if the run cannot start, fails, or contradicts itself.
@@ -194,7 +194,7 @@ impl Simulation {
         self.job().run()
     }
 
-    /// A run that a user's observer watches.
+    /// Returns a run with an observer of the user.
     pub fn observe<'a>(&'a self, observer: &'a mut dyn Observer) -> Job<'a> {
         Job { observer: Some(observer), ..self.job() }
     }
@@ -202,29 +202,29 @@ impl Simulation {
     /// Runs to the end and writes the files of `flank run --out` into `folder`.
     ///
     /// # Errors
-    /// As [`run`](Self::run); [`SimulationError::Output`] for a folder that is not empty.
+    /// Errors of [`run`](Self::run); [`SimulationError::Output`] for a folder that is not empty.
     pub fn write(&self, folder: impl AsRef<Path>) -> Result<RunRecord, SimulationError> {
         self.job().write(folder)
     }
 
-    /// A run, with settings of its own to come.
+    /// Returns a run, for options of its own.
     pub fn job(&self) -> Job<'_> {
         Job::new(self)
     }
 
-    /// The forcing clock.
+    /// Returns the forcing clock.
     #[must_use]
     pub fn clock(&self) -> &Clock {
         self.structure.clock()
     }
 
-    /// Where the run starts, where its measures start, where it ends.
+    /// Returns the instants of the start of the run, of the start of its measures, and of its end.
     #[must_use]
     pub fn instants(&self) -> [Instant; 3] {
         self.settings.instants(self.clock())
     }
 
-    /// The forcing period T, s.
+    /// Returns the forcing period T, s.
     ///
     /// # Errors
     /// [`SimulationError::Missing`] without one.
@@ -236,15 +236,15 @@ impl Simulation {
         })
     }
 
-    /// Periods of the scene's clock, such as mesh periods, in a cycle: 1 but for what [`in_common_cycles`](Self::in_common_cycles) returns.
+    /// Returns the scene's clock periods (such as mesh periods) per cycle: 1 except after [`in_common_cycles`](Self::in_common_cycles).
     #[must_use]
     pub fn periods_per_cycle(&self) -> u64 {
         self.common.map_or(1, |[periods, _]| periods)
     }
 
-    /// The same simulation with a clock whose cycle is the shortest after which all forcing repeats, counted from its start: `q` mesh periods
-    /// for a run-out of order `1/q`. Orbits, maps and branches count these. What a run counts, its cycles and those of its events, it counts
-    /// in periods of the scene's clock. A train without a common cycle stays as it is: what needs one refuses it.
+    /// Returns the same simulation with a clock whose cycle is the shortest after which all forcing repeats, from its start: `q` mesh
+    /// periods for a run-out of order `1/q`. Orbits, maps and branches count these cycles. A run counts its cycles, and those of its
+    /// events, in periods of the scene's clock. A train without a common cycle is unchanged: orbits, maps and branches refuse it.
     ///
     /// # Errors
     /// [`SimulationError::Assemble`].
@@ -269,7 +269,7 @@ impl Simulation {
         Ok(Self { structure, settings, common: Some([periods, first]), ..self })
     }
 
-    /// `spec`, built as this simulation's train was, in its clock.
+    /// Returns `spec`, built like this simulation's train, in its clock.
     pub(crate) fn clocked(&self, spec: Spec) -> Result<Structure, SimulationError> {
         let structure = Structure::new(spec)?.by(self.settings.instructions);
         let Some([periods, first]) = self.common else { return Ok(structure) };
@@ -277,13 +277,13 @@ impl Simulation {
         Ok(Structure::new(structure.spec().clone().over_cycles(omega, periods, first))?.by(self.settings.instructions))
     }
 
-    /// Cycles of this simulation in so many periods of the scene's clock, but not fewer than `least`.
+    /// Returns the cycles of this simulation in `periods` periods of the scene's clock, but not fewer than `least`.
     pub(crate) fn cycles_in(&self, periods: u64, least: u64) -> u64 {
         let own = self.periods_per_cycle();
         if own == 1 { periods } else { periods.div_ceil(own).max(least) }
     }
 
-    /// Words for a freedom: the body it moves and how.
+    /// Returns words for a freedom: its body and its direction.
     #[must_use]
     pub fn in_words(&self, freedom: &str) -> String {
         let (stem, body) = freedom.split_once('_').unwrap_or((freedom, ""));
@@ -307,13 +307,13 @@ impl Simulation {
         }
     }
 
-    /// The error of a measure that needs more than the simulation has.
+    /// Returns the error of a measure that the simulation lacks data for.
     #[must_use]
     pub fn missing(&self, missing: impl Into<String>) -> SimulationError {
         SimulationError::missing(&self.name, missing)
     }
 
-    /// The state at the start.
+    /// Returns the state at the start.
     ///
     /// # Errors
     /// [`SimulationError::Start`]; [`SimulationError::Scene`] if the start of a scene does not fit its train.
@@ -327,7 +327,7 @@ impl Simulation {
         }
         let (structure, mut x) = (&self.structure, start.x);
         for (j, speed) in &self.memory.latched {
-            // A simpler model of a train may have no such contact, or another law there.
+            // A simpler model of a train may lack such a contact, or have another law there.
             let known = *j < structure.contact_count();
             let latch =
                 known.then(|| structure.latch_on(*j, structure.contact_mode(*j, &start.jump.mode).side())).flatten();
@@ -343,7 +343,7 @@ impl Simulation {
         Ok(State { at: start.at, x: resumed.x, jump: resumed.jump })
     }
 
-    /// Says that the run takes more steps than its budget, by the fastest oscillation with every contact open, or closed.
+    /// Returns the warning that the run takes more steps than its budget, by the fastest oscillation with every contact open, or closed.
     #[must_use]
     pub fn budget_warning(&self) -> Option<String> {
         let ([from, _, end], structure, run) = (self.instants(), &self.structure, &self.settings);
@@ -366,7 +366,7 @@ impl Simulation {
         })
     }
 
-    /// Says that the mass matrix is nearly singular: uncertainties of events do not count what its own rounding costs.
+    /// Returns the warning of a nearly singular mass matrix: uncertainties of events exclude its rounding.
     fn mass_warning(&self) -> Option<String> {
         let mass = &self.structure.spec().mass;
         let scale = mass.diagonal().map(|m| m.sqrt().recip());
@@ -384,7 +384,7 @@ impl Simulation {
         })
     }
 
-    /// What is odd but allowed, of the train and of its start, in words.
+    /// Returns the warnings about the train and its start, in words.
     #[must_use]
     pub fn warnings_in_words(&self) -> Vec<String> {
         let of_train =
@@ -420,7 +420,7 @@ impl Simulation {
         of_train.chain(of_start).collect()
     }
 
-    /// The state at the start of another motion: coordinates `q`, m, and velocities `v`, m/s, `[n]` each.
+    /// Returns the state at the start of another motion: coordinates `q`, m, and velocities `v`, m/s, `[n]` each.
     ///
     /// # Errors
     /// [`SimulationError::Start`].
@@ -430,8 +430,7 @@ impl Simulation {
         Ok(State { at, x: start.x, jump: start.jump })
     }
 
-    /// An engine at `state` at full precision, with the integrator and the other limits of the run: what orbits, exponents and maps ask
-    /// for.
+    /// Returns an engine at `state` at full precision, with the integrator and the other limits of the run, for orbits, exponents and maps.
     ///
     /// # Errors
     /// [`SimulationError::Integrator`].
@@ -440,7 +439,7 @@ impl Simulation {
         Ok(Engine::new(&self.structure, self.integrator()?.0, options, state))
     }
 
-    /// The engine of a run, with another limit on events, and the reason for its integrator.
+    /// Returns the engine of a run, with another limit on events, and the reason for its integrator.
     ///
     /// # Errors
     /// [`SimulationError::Integrator`].
@@ -450,7 +449,7 @@ impl Simulation {
         Ok((Engine::new(&self.structure, integrator, options, state), why))
     }
 
-    /// What a run is allowed.
+    /// Returns the limits of a run.
     #[must_use]
     pub fn options(&self) -> Options {
         let run = &self.settings;
@@ -464,7 +463,7 @@ impl Simulation {
         }
     }
 
-    /// The integrator of the run, and the reason for it.
+    /// Returns the integrator of the run, and the reason for it.
     ///
     /// # Errors
     /// [`SimulationError::Integrator`].
@@ -472,15 +471,14 @@ impl Simulation {
         Ok(build(self.settings.method, self.settings.tolerance, &self.structure)?)
     }
 
-    /// Checks a run from `state`.
+    /// Returns the checker of a run from `state`.
     #[must_use]
     pub fn verifier(&self, state: &State) -> Verifier<'_, Structure> {
         Verifier::new(&self.structure, state, self.time_unit(), self.settings.method)
     }
 
-    /// The time, s, that the accuracy of a check is a part of: the forcing period, else that of the highest natural frequency
-    /// with all linear contacts closed. Rigid contacts and power laws have no frequency of their own; a train with nothing
-    /// else has no such time.
+    /// Returns the time, s, to which the accuracy of a check refers: the forcing period, else that of the highest natural frequency with
+    /// all linear contacts closed. Rigid contacts and power laws have no frequency; a train with nothing else has no such time.
     fn time_unit(&self) -> Option<f64> {
         let natural = || {
             let mut spec = self.structure.spec().clone();
@@ -491,7 +489,7 @@ impl Simulation {
         self.clock().period().map(Wide::value).or_else(natural)
     }
 
-    /// Index of the degree of freedom called `name`.
+    /// Returns the index of the degree of freedom called `name`.
     ///
     /// # Errors
     /// [`SimulationError::Missing`].
@@ -503,42 +501,42 @@ impl Simulation {
             .ok_or_else(|| self.missing(format!("it has no freedom {name}; it has {}", freedoms.join(", "))))
     }
 
-    /// `at`, moved to the start of its cycle: where the state of another simulation is taken up.
+    /// Returns `at`, moved to the start of its cycle, for the state of another simulation.
     pub(crate) fn cycle_start(&self, at: Instant) -> Instant {
         self.clock().at(at.cycle, 0.0)
     }
 
-    /// The scene with every default; null for a train built in Rust.
+    /// Returns the scene with every default; null for a train built in Rust.
     #[must_use]
     pub fn resolved(&self) -> &Value {
         &self.scene
     }
 
-    /// SHA-256 of the scene, as [`Scene::hash`]; none for a train built in Rust.
+    /// Returns the SHA-256 of the scene, as [`Scene::hash`]; none for a train built in Rust.
     #[must_use]
     pub fn hash(&self) -> Option<String> {
         (!self.scene.is_null()).then(|| hash(&self.scene))
     }
 
-    /// What the scene calls itself, or else the name.
+    /// Returns the title of the scene, or else the name.
     #[must_use]
     pub fn title(&self) -> &str {
         self.scene["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(&self.name)
     }
 
-    /// Kind of train of the scene; `spec` for a train built in Rust.
+    /// Returns the kind of train of the scene; `spec` for a train built in Rust.
     #[must_use]
     pub fn kind(&self) -> &str {
         self.scene["train"]["kind"].as_str().unwrap_or("spec")
     }
 
-    /// A unit, or nothing in a dimensionless train.
+    /// Returns a unit, or an empty text for a dimensionless train.
     #[must_use]
     pub fn unit(&self, name: &'static str) -> &'static str {
         if self.dimensionless { "" } else { name }
     }
 
-    /// The states of all contacts, such as `drive, separated`.
+    /// Returns the states of all contacts, such as `drive, separated`.
     #[must_use]
     pub fn mode_name(&self, mode: &crate::hybrid::Mode) -> String {
         let names = (0..self.structure.contact_count()).map(|j| self.structure.contact_mode(j, mode).name());

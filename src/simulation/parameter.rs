@@ -1,38 +1,38 @@
-//! A number of a scene that is varied, and those that go with it.
+//! Parameter: a number of a scene that is varied, with the numbers that move with it.
 
 use serde_json::Value;
 
 use crate::scene::{Built, Scene, SceneError};
 
-/// Numbers of a scene that move together. The first takes the value; each further frequency moves by the same factor from the scene's
-/// value, each period by its inverse.
+/// Numbers of a scene that move together. The first takes the value; each further frequency is multiplied by the ratio of that to the
+/// scene's value, each period is divided by it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     pointer: String,
-    /// The scene's value.
+    /// Value of the scene.
     value: f64,
-    /// The others with the scene's values, and whether each moves by the inverse of the first's factor.
+    /// Other numbers with the scene's values; true for those that are divided.
     others: Vec<(String, f64, bool)>,
-    /// Values between which the scene is known to hold.
+    /// Values between which the scene is known to be valid.
     holds: Option<[f64; 2]>,
-    /// Numbers that are not the scene's.
+    /// Numbers with values other than the scene's.
     beside: Vec<(String, f64)>,
 }
 
-/// How far beyond a range a scene is checked, as a share of it or of its end: what differences of its numbers reach.
+/// Distance beyond a range to which a scene is checked, as a share of it or of its end: differences of its numbers reach so far.
 const MARGIN: f64 = 0.1;
 
-/// Whether the last key of a pointer names a period.
+/// Returns whether the last key of a pointer names a period.
 fn is_period(pointer: &str) -> bool {
     let key = pointer.rsplit('/').find(|key| key.parse::<usize>().is_err());
     key.is_some_and(|key| key.starts_with("period"))
 }
 
 impl Parameter {
-    /// The numbers at `pointers` of a resolved scene.
+    /// Returns the parameter of the numbers at `pointers` of a resolved scene.
     ///
     /// # Errors
-    /// What is wrong with them, in words.
+    /// The fault of the numbers, in words.
     pub fn new(resolved: &Value, pointers: &[&str]) -> Result<Self, String> {
         if resolved.is_null() {
             return Err("it was built in Rust and has no numbers with pointers; make a Variation of trains".to_owned());
@@ -55,31 +55,31 @@ impl Parameter {
         Ok(Self { pointer, value, others, holds: None, beside: Vec::new() })
     }
 
-    /// The pointer of the first.
+    /// Returns the pointer of the first number.
     #[must_use]
     pub fn pointer(&self) -> &str {
         &self.pointer
     }
 
-    /// The scene's value of the first.
+    /// Returns the scene's value of the first number.
     #[must_use]
     pub fn value(&self) -> f64 {
         self.value
     }
 
-    /// The pointers of all.
+    /// Returns the pointers of all numbers.
     pub fn pointers(&self) -> impl Iterator<Item = &str> {
         std::iter::once(self.pointer.as_str()).chain(self.others.iter().map(|(pointer, ..)| pointer.as_str()))
     }
 
-    /// The same numbers with others at `value` of their own.
+    /// Returns the same numbers, with those of another parameter held at `value`.
     #[must_use]
     pub fn beside(&self, other: &Self, value: f64) -> Self {
         let beside = other.values(value).into_iter().map(|(pointer, value)| (pointer.to_owned(), value)).collect();
         Self { beside, ..self.clone() }
     }
 
-    /// The values of all numbers with the first at `value`.
+    /// Returns the values of all numbers with the first at `value`.
     fn values(&self, value: f64) -> Vec<(&str, f64)> {
         let factor = value / self.value;
         let others = self
@@ -90,19 +90,19 @@ impl Parameter {
         std::iter::once((self.pointer.as_str(), value)).chain(others).chain(beside).collect()
     }
 
-    /// The scene with the first at `value`, and the others moved with it.
+    /// Returns the scene with the first number at `value`, and the others moved with it.
     ///
     /// # Errors
-    /// [`SceneError`] if the scene does not hold there.
+    /// [`SceneError`] if the scene is invalid there.
     pub fn set(&self, scene: &Scene, value: f64) -> Result<Scene, SceneError> {
         scene.with_all(self.values(value).into_iter().map(|(pointer, value)| (pointer, Value::from(value))))
     }
 
-    /// Looks where the scene holds, from `from` to `to` and a little beyond: [`build`](Self::build) is several times as fast there, as the
-    /// ranges of keys have no gaps.
+    /// Checks that the scene is valid from `from` to `to` and slightly beyond. [`build`](Self::build) is several times as fast there, as
+    /// the ranges of keys have no gaps.
     ///
     /// # Errors
-    /// [`SceneError`] if the scene does not hold at one of the ends.
+    /// [`SceneError`] if the scene is invalid at one of the ends.
     pub fn checked(mut self, scene: &Scene, [from, to]: [f64; 2]) -> Result<Self, SceneError> {
         let beyond = |end: f64, other: f64| -> Result<f64, SceneError> {
             self.set(scene, end)?;
@@ -113,10 +113,10 @@ impl Parameter {
         Ok(self)
     }
 
-    /// What the scene builds with the first at `value`.
+    /// Returns the train that the scene builds with the first number at `value`.
     ///
     /// # Errors
-    /// [`SceneError`] if the scene does not hold there.
+    /// [`SceneError`] if the scene is invalid there.
     pub fn build(&self, scene: &Scene, value: f64) -> Result<Built, SceneError> {
         match self.holds {
             Some([low, high]) if (low..=high).contains(&value) => scene.build_with(self.values(value)),

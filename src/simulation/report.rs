@@ -1,4 +1,4 @@
-//! Contents of a scene: speeds, meshes, modes beside the orders that excite them.
+//! Contents of a scene: speeds, meshes, and modes with the orders that excite them.
 
 use std::f64::consts::{PI, TAU};
 
@@ -22,7 +22,7 @@ const SHARE: f64 = 0.05;
 /// Frequencies closer than this, relative, are one.
 const SAME: f64 = 1e-9;
 
-/// Contents of a scene, as `flank check --json` writes them.
+/// Contents of a scene, in the form of `flank check --json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// Name of the scene.
@@ -33,11 +33,11 @@ pub struct Report {
     pub sha256: Option<String>,
     /// Names of the freedoms.
     pub freedoms: Vec<String>,
-    /// Tells that all numbers are in dimensionless form, without the units of their keys.
+    /// True if all numbers are in dimensionless form, without the units of their keys.
     pub is_dimensionless: bool,
     /// Length of a cycle, s.
     pub cycle_s: Option<f64>,
-    /// Cycles after which all that is forced repeats, if it does.
+    /// Cycles after which all forcing repeats, if it does.
     pub common_cycle: Option<u64>,
     /// Mean speeds of the shafts of a gearbox.
     pub speeds: Vec<Speed>,
@@ -45,7 +45,7 @@ pub struct Report {
     pub meshes: Vec<MeshOfTeeth>,
     /// Contacts.
     pub contacts: Vec<ContactAtStart>,
-    /// Natural modes, every contact closed at its mean stiffness; those of laws that are not linear are orders of magnitude.
+    /// Natural modes, every contact closed at its mean stiffness; those of nonlinear laws are orders of magnitude.
     pub modes: Vec<Mode>,
     /// Warnings.
     pub warnings: Vec<String>,
@@ -64,7 +64,7 @@ pub struct Speed {
     pub frequency_hz: f64,
 }
 
-/// A mesh with its clock and its geometry.
+/// Mesh with its frequency and its geometry.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeshOfTeeth {
     /// Its name.
@@ -73,7 +73,7 @@ pub struct MeshOfTeeth {
     pub frequency_hz: f64,
     /// Mesh phases, periods, one for each of its contacts.
     pub phases: Vec<f64>,
-    /// Transverse contact ratio; none where the rack is a guess.
+    /// Transverse contact ratio; none if the rack is a guess.
     pub contact_ratio: Option<f64>,
     /// Overlap ratio.
     pub overlap_ratio: Option<f64>,
@@ -85,7 +85,7 @@ pub struct MeshOfTeeth {
     pub base_radii_m: Option<[f64; 2]>,
 }
 
-/// A contact and how it starts.
+/// Contact and its start.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactAtStart {
     /// Its name.
@@ -96,11 +96,11 @@ pub struct ContactAtStart {
     pub mean_stiffness: f64,
     /// Its law, in words.
     pub law: &'static str,
-    /// Modes that it has.
+    /// Modes of the contact.
     pub modes: String,
-    /// Its guards.
+    /// Guards of the contact.
     pub guards: String,
-    /// Its mode at the start; none if the scene has no start that fits.
+    /// Mode at the start; none if the scene has no start that fits.
     pub starts: Option<String>,
 }
 
@@ -111,7 +111,7 @@ pub struct Mode {
     pub frequency_hz: f64,
     /// Freedoms with the largest shares of its kinetic energy.
     pub moves: Vec<Share>,
-    /// The nearest order of what excites it.
+    /// Nearest order of the excitation.
     pub nearest: Option<Order>,
 }
 
@@ -131,7 +131,7 @@ pub struct Order {
     pub of: String,
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Its distance from the mode, relative to the mode.
+    /// Distance from the mode, relative to the mode.
     pub apart: f64,
 }
 
@@ -210,7 +210,7 @@ impl Simulation {
         frequencies.into_iter().enumerate().map(mode).collect()
     }
 
-    /// All that excites: harmonics of the meshes, rotations of the shafts, loads, with their frequencies, Hz.
+    /// Returns all excitations with their frequencies, Hz: harmonics of the meshes, rotations of the shafts, loads.
     pub(crate) fn orders(&self) -> Vec<(String, f64)> {
         let meshes = self.meshes.iter().filter(|mesh| mesh.frequency > 0.0).flat_map(|mesh| {
             (1..=HARMONICS).map(move |n| (format!("{} x {n}", mesh.name), f64::from(n) * mesh.frequency))
@@ -224,7 +224,7 @@ impl Simulation {
     }
 }
 
-/// Law, modes and guards of a contact, in words.
+/// Returns law, modes and guards of a contact, in words.
 fn automaton(contact: &ContactSpec) -> (&'static str, String, String) {
     let (law, can_detach) = match contact.law {
         Law::Bilateral(_) => return ("bilateral", "closed".to_owned(), "none".to_owned()),
@@ -247,7 +247,7 @@ fn automaton(contact: &ContactSpec) -> (&'static str, String, String) {
 }
 
 impl Report {
-    /// The same as tables: contacts, natural frequencies beside what excites them, and the clocks and geometry of the meshes.
+    /// Returns tables of the contacts, of the natural frequencies with the nearest excitations, and of the meshes.
     #[must_use]
     pub fn tables(&self) -> Vec<Table> {
         let words = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");

@@ -11,7 +11,7 @@ use crate::{
     output::{csv_line, label, number},
 };
 
-/// Takes event rows: into files, one JSON object a line and one line of a table for each contact, or else into memory. Keeps the first error.
+/// Writer of event rows: to files, one JSON object a line and one line of a table for each contact, or to memory. Stores the first error.
 pub(super) struct Rows {
     /// Each line reaches a file as it is written.
     files: [Option<LineWriter<File>>; 2],
@@ -48,19 +48,19 @@ fn cell(value: Option<f64>) -> String {
     value.map_or_else(String::new, number)
 }
 
-/// The first line of a table of events. A dimensionless train has no units.
+/// Returns the first line of a table of events. A dimensionless train has no units.
 #[must_use]
 pub fn event_head(is_dimensionless: bool) -> String {
     csv_line(COLUMNS.iter().map(|(name, unit, _)| format!("{name}{}", if is_dimensionless { "" } else { unit })))
 }
 
-/// The lines of an instant, one for each contact to which something happens.
+/// Returns the lines of an instant, one for each contact with an event.
 pub fn event_lines(row: &EventRow) -> impl Iterator<Item = String> {
     row.contacts.iter().map(move |contact| csv_line(COLUMNS.iter().map(|(.., cell)| cell(row, contact))))
 }
 
 impl Rows {
-    /// Writes into these files, the table with its head; keeps the rows if `is_kept`.
+    /// Writes to these files, the table with its head; stores the rows if `is_kept`.
     pub fn new(files: [Option<File>; 2], is_dimensionless: bool, is_kept: bool) -> io::Result<Self> {
         let mut files = files.map(|file| file.map(LineWriter::new));
         if let [_, Some(table)] = &mut files {
@@ -69,7 +69,7 @@ impl Rows {
         Ok(Self { files, error: None, is_kept, kept: Vec::new() })
     }
 
-    /// Takes a row; breaks off if it cannot be written.
+    /// Adds a row; interrupts the run if it cannot be written.
     pub fn take(&mut self, row: EventRow) -> ControlFlow<()> {
         match self.write(&row) {
             Ok(()) => {
@@ -96,7 +96,7 @@ impl Rows {
         Ok(())
     }
 
-    /// Ends the files; the rows kept.
+    /// Completes the files and returns the stored rows.
     pub fn finish(mut self) -> io::Result<Vec<EventRow>> {
         self.error.map_or(Ok(()), Err)?;
         self.files.iter_mut().flatten().try_for_each(Write::flush)?;

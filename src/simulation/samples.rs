@@ -16,7 +16,7 @@ use crate::{
     train::frame::to_fixed,
 };
 
-/// Samples a cycle where the settings name none.
+/// Default samples per cycle.
 const PER_CYCLE: u64 = 64;
 
 /// Samples of a run without cycles.
@@ -26,7 +26,7 @@ pub fn sample_grid(simulation: &Simulation) -> Grid {
     let run = &simulation.settings;
     let per_cycle = if run.samples_per_cycle > 0 { run.samples_per_cycle } else { PER_CYCLE };
     if simulation.clock().period().is_some() {
-        // OK to convert: a scene allows 2²⁰ at most.
+        // Exact: a scene allows 2²⁰ at most.
         return Grid::Phases { per_cycle: per_cycle as u32 };
     }
     let [from, _, to] = simulation.instants();
@@ -34,10 +34,10 @@ pub fn sample_grid(simulation: &Simulation) -> Grid {
     Grid::Interval { interval: run.period.map_or(span / PER_RUN, |period| period / per_cycle as f64) }
 }
 
-/// Writes samples: time, cycle, phase, coordinates, velocities, and deflection and force of each contact.
+/// Writer of samples: time, cycle, phase, coordinates, velocities, and deflection and force of each contact.
 pub struct SampleFile<'s> {
     structure: &'s Structure,
-    /// Coordinate pairs in a plane that turns, and its speed, rad/s; empty to stay in the frame of the equations.
+    /// Coordinate pairs in a rotating plane, and its speed, rad/s; empty for output in the frame of the equations.
     turning: Vec<[usize; 2]>,
     speed: f64,
     file: BufWriter<File>,
@@ -62,7 +62,7 @@ impl<'s> SampleFile<'s> {
         Self { structure, turning, speed: speed.unwrap_or(0.0), file, error }
     }
 
-    /// Writes a sample; breaks off if that fails.
+    /// Writes a sample; interrupts the run if that fails.
     pub fn write(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         let n = self.structure.freedoms();
         let mut x = sample.x[..2 * n].to_vec();
@@ -83,7 +83,7 @@ impl<'s> SampleFile<'s> {
         }
     }
 
-    /// Into the frame at rest: positions `R q`, velocities `R (q̇ + ω × q)`.
+    /// Transforms into the frame at rest: positions `R q`, velocities `R (q̇ + ω × q)`.
     fn turn(&self, x: &mut [f64], at: Instant, n: usize) {
         if self.turning.is_empty() {
             return;

@@ -1,4 +1,4 @@
-//! The record of a run: `summary.json`.
+//! Summary of a run: `summary.json`.
 
 use serde::Serialize;
 
@@ -9,26 +9,26 @@ use crate::{
     verify::Verification,
 };
 
-/// Everything measured in a run, and what it came from. No wall time: the same input gives the same bytes.
+/// All measures of a run, with their origin. It contains no wall time: the same input gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     /// Version of Flank.
     pub flank: &'static str,
-    /// Where the train came from.
+    /// Origin of the train.
     pub scene: Provenance,
     /// The train.
     pub train: TrainUsed,
-    /// Periods of the forcing clock, such as mesh periods, after which all forcing repeats; null where there is no such number.
+    /// Periods of the forcing clock, such as mesh periods, after which all forcing repeats; null without such a number.
     pub common_cycle: Option<u64>,
-    /// What integrated the smooth motion.
+    /// Integrator of the smooth motion.
     pub integrator: IntegratorUsed,
-    /// How the run ended.
+    /// End of the run.
     pub outcome: RunEnd,
-    /// Time the measures cover, s.
+    /// Time of the measures, s.
     pub measured_time: f64,
     /// Measures of each contact.
     pub contacts: Vec<ContactReport>,
-    /// The dynamic transmission error of each contact, with eight harmonics of the forcing.
+    /// Dynamic transmission error of each contact, with eight harmonics of the forcing.
     pub transmission: Vec<TransmissionReport>,
     /// Forces of the bearings.
     pub bearings: Vec<BearingReport>,
@@ -36,7 +36,7 @@ pub struct Summary {
     pub energy: Balance,
     /// Work done.
     pub work: Counters,
-    /// What was verified, where it was asked for.
+    /// Result of the verification, if requested.
     pub verification: Option<Verification>,
     /// Warnings of the scene.
     pub warnings: Vec<String>,
@@ -54,42 +54,42 @@ impl Summary {
     }
 }
 
-/// Where a train came from.
+/// Origin of a train.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Provenance {
     /// Name of the simulation.
     pub name: String,
-    /// Hash of the scene with all defaults, name and note left out; null for a train built in Rust.
+    /// SHA-256 of the scene with all defaults, without name and note; null for a train built in Rust.
     pub sha256: Option<String>,
 }
 
-/// A train in a summary.
+/// Train in a summary.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrainUsed {
-    /// Its kind in a scene; `spec` for a train built in Rust.
+    /// Kind in a scene; `spec` for a train built in Rust.
     pub kind: String,
     /// Names of its degrees of freedom.
     pub freedoms: Vec<String>,
-    /// Whether its numbers carry no units.
+    /// True if its numbers have no units.
     pub dimensionless: bool,
     /// Length of a cycle, s.
     pub cycle: Option<f64>,
 }
 
-/// The integrator of a run.
+/// Integrator of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct IntegratorUsed {
-    /// Method that was asked for.
+    /// Requested method.
     pub asked: &'static str,
     /// Local error, relative to the scale of the motion.
     pub tolerance: f64,
-    /// Error of an event's time that an arc may add, of the cycle, as it is aimed at; 0 is full precision.
+    /// Target for the error of an event's time that an arc may add, as a share of the cycle; 0 is full precision.
     pub event_tolerance: f64,
-    /// Vector instructions that the series were summed by.
+    /// Vector instructions of the sums of series.
     pub instructions: &'static str,
     /// Reason for the choice.
     pub why: String,
-    /// States of the contacts, and the integrator of that mode, where it was chosen mode by mode.
+    /// States of the contacts, with the integrator of that mode, if it was chosen mode by mode.
     pub modes: Vec<(String, &'static str)>,
 }
 
@@ -97,26 +97,26 @@ pub struct IntegratorUsed {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ended {
-    /// At its end.
+    /// The run reached its planned end.
     ReachedEnd,
-    /// By its [`Task`](crate::Task).
+    /// Its [`Task`](crate::Task) was cancelled.
     Interrupted,
-    /// By an observer, or a file that cannot be written.
+    /// An observer stopped it, or a file that cannot be written.
     Stopped,
-    /// By the most events allowed.
+    /// The limit on events was reached.
     EventBudgetSpent,
-    /// By an error.
+    /// The run failed with an error.
     Failed,
 }
 
-/// How a run ended, and the state there.
+/// End of a run, with the state there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunEnd {
-    /// How.
+    /// Kind of the end.
     pub kind: Ended,
-    /// What failed.
+    /// Failure, in words.
     pub reason: Option<String>,
-    /// Time, s, to 32 digits.
+    /// Time, s, in 32 digits.
     pub t: String,
     /// Time rounded to a double, s.
     pub seconds: f64,
@@ -160,7 +160,7 @@ impl RunEnd {
         }
     }
 
-    /// A run whose numbers contradict each other has failed, wherever it ended.
+    /// Marks a run as failed, for numbers that contradict each other, wherever it ended.
     pub(super) fn fail(&mut self, failure: &SimulationError) {
         self.kind = Ended::Failed;
         self.reason.get_or_insert_with(|| failure.to_string());

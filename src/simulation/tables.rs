@@ -1,4 +1,4 @@
-//! The measures of a run as tables.
+//! Measures of a run as tables.
 
 use super::{Simulation, Summary};
 use crate::{
@@ -7,7 +7,7 @@ use crate::{
 };
 
 impl Summary {
-    /// Separations of each contact.
+    /// Returns the table of separations of each contact.
     #[must_use]
     pub fn separation_table(&self, simulation: &Simulation) -> Table {
         let per = per_cycle(simulation);
@@ -31,7 +31,7 @@ impl Summary {
         Table::new(head).with(self.contacts.iter().map(row)).titled(&title, "")
     }
 
-    /// Forces and impacts of each contact, and its dynamic transmission error.
+    /// Returns the table of forces and impacts of each contact, and of its dynamic transmission error.
     #[must_use]
     pub fn force_table(&self, simulation: &Simulation) -> Table {
         let per = per_cycle(simulation);
@@ -55,7 +55,7 @@ impl Summary {
         Table::new(head).with(self.contacts.iter().enumerate().map(row)).titled("Forces and impacts", note)
     }
 
-    /// Forces of the bearings.
+    /// Returns the table of forces of the bearings.
     #[must_use]
     pub fn bearing_table(&self, simulation: &Simulation) -> Table {
         let n = |name: &str| with_unit(name, simulation.unit("N"));
@@ -68,7 +68,7 @@ impl Summary {
             .titled("Bearings", "Sizes of force vectors.")
     }
 
-    /// The energy ledger.
+    /// Returns the table of the energy ledger.
     #[must_use]
     pub fn energy_table(&self, simulation: &Simulation) -> Table {
         let e = &self.energy;
@@ -90,7 +90,7 @@ impl Summary {
             .titled(&with_unit("Energy", simulation.unit("J")), "")
     }
 
-    /// Counts by the cycles of the run; counts alone where its scene names none.
+    /// Returns counts per cycle of the run; plain counts if its scene has no cycles.
     fn by_cycle(&self, simulation: &Simulation) -> impl Fn(u64) -> String + use<> {
         let cycles = simulation.settings.period.map_or(1.0, |period| self.measured_time / period);
         move |count: u64| number((cycles > 0.0).then(|| count as f64 / cycles))

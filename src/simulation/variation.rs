@@ -1,4 +1,4 @@
-//! The trains around a scene's train in one of its numbers.
+//! Derivatives of a scene's train by one of its numbers.
 
 use nalgebra::DVector;
 use serde_json::Value;
@@ -13,8 +13,8 @@ use crate::{
     system::{ContactSpec, Spec, Structure, Variation},
 };
 
-/// Steps in units of their length, and the weights of a derivative by them. The short ones are tried first: they are exact for what is
-/// linear and of fourth order. Those of one side are for numbers at the end of their range.
+/// Steps in units of their length, with the weights of a derivative. The short stencils are tried first: they are exact for linear
+/// dependence and of fourth order. One-sided stencils are for numbers at the end of their range.
 const STENCILS: [&[(f64, f64)]; 4] = [
     &[(-1.0, -0.5), (1.0, 0.5)],
     &[
@@ -30,7 +30,7 @@ const STENCILS: [&[(f64, f64)]; 4] = [
     &[(0.0, -1.0), (1.0, 1.0)],
     &[(0.0, -49.0 / 20.0), (1.0, 6.0), (2.0, -7.5), (3.0, 20.0 / 3.0), (4.0, -3.75), (5.0, 1.2), (6.0, -1.0 / 6.0)],
 ];
-/// The same derivatives by other points, which tell how exact each is.
+/// Stencils of the same derivatives by other points, for their error.
 const CHECKS: [&[(f64, f64)]; 4] = [
     &[(-2.0, -0.25), (2.0, 0.25)],
     &[(-3.0, -1.0 / 60.0), (-2.0, 0.15), (-1.0, -0.75), (1.0, 0.75), (2.0, -0.15), (3.0, 1.0 / 60.0)],
@@ -39,28 +39,28 @@ const CHECKS: [&[(f64, f64)]; 4] = [
 ];
 /// Lengths of steps that are tried, relative to the number.
 const STEPS: [f64; 6] = [0.02, 0.005, 1.25e-3, 3e-4, 8e-5, 2e-5];
-/// The same where the number is zero, in its units: no parts of a turn or of a period, after which a train looks the same.
+/// Lengths of steps for a number that is zero, in its units: no parts of a turn or of a period, after which a train looks the same.
 const STEPS_AT_ZERO: [f64; 6] = [0.37, 7.3e-3, 1.1e-4, 1.3e-6, 1.7e-8, 1.9e-10];
 /// Largest relative error of a derivative.
 const EXACT: f64 = 1e-11;
 /// Roundings of a number of the train, in units of its last place.
 const ROUNDED: f64 = 32.0 * f64::EPSILON;
 
-/// A train with another value of the number.
+/// Train with another value of the number.
 struct Neighbour {
     structure: Structure,
-    /// What is the same in all trains of one shape: kinds and counts.
+    /// Data equal in all trains of one shape: kinds and counts.
     shape: Vec<u64>,
-    /// Numbers that the motion depends on linearly.
+    /// Numbers on which the motion depends linearly.
     numbers: Numbers,
-    /// The others: frequency, masses, directions, switching times.
+    /// Other numbers: frequency, masses, directions, switching times.
     bent: Numbers,
     /// Frequencies, and the period of the run, in units of the clock's.
     ratios: Vec<(f64, f64)>,
 }
 
-/// Numbers of a train, and what each is rounded as: the largest one that it is computed with. A cosine of a right angle is zero to the
-/// rounding of one, not of itself.
+/// Numbers of a train, each with the scale of its rounding: the largest number in its computation. A cosine of a right angle is zero within
+/// the rounding of one.
 #[derive(Default)]
 struct Numbers {
     values: Vec<f64>,
@@ -80,28 +80,27 @@ impl Numbers {
         self.sized(group.into_iter().copied(), size);
     }
 
-    /// Adds numbers of which each is computed alone.
+    /// Adds numbers that are computed separately.
     fn push(&mut self, numbers: impl IntoIterator<Item = f64>) {
         numbers.into_iter().for_each(|number| self.sized([number], number));
     }
 }
 
 impl Simulation {
-    /// How the train changes with the number at `pointer` of its scene, a JSON pointer: by differences of the assembled train, of an
-    /// order and a step that make their relative error less than 1e-10. They are exact for numbers on which it depends linearly.
+    /// Returns the derivative of the train by the number at `pointer` of its scene, a JSON pointer. It is a difference of the assembled
+    /// train, of an order and a step with a relative error below 1e-10, and exact for linear dependence.
     ///
     /// # Errors
-    /// [`SimulationError::Missing`] where there is no such number, where it is a whole number, where the train does not depend on it or
-    /// changes its shape there, and where frequencies no longer have a common cycle; [`SimulationError::Scene`] where no train has a
-    /// neighbouring value.
+    /// [`SimulationError::Missing`] if there is no such number, or it is a whole number. Also if the train does not depend on it or changes
+    /// its shape there, and if frequencies lose their common cycle. [`SimulationError::Scene`] if no train has a neighbouring value.
     pub fn variation(&self, pointer: &str) -> Result<Variation, SimulationError> {
         self.variation_by(&Parameter::new(self.resolved(), &[pointer]).map_err(|reason| self.missing(reason))?)
     }
 
-    /// The same for numbers that move together, by the value of the first.
+    /// Returns the same for numbers that move together, by the value of the first.
     ///
     /// # Errors
-    /// As [`variation`](Self::variation).
+    /// Errors of [`variation`](Self::variation).
     pub fn variation_by(&self, parameter: &Parameter) -> Result<Variation, SimulationError> {
         let pointer = parameter.pointer();
         let Some(value) = self.resolved().pointer(pointer).and_then(Value::as_f64) else {
@@ -111,10 +110,10 @@ impl Simulation {
         self.variation_at(&scene, parameter, value)
     }
 
-    /// The same at `value`, by what `scene` builds around it: this simulation's scene, but for the parameter.
+    /// Returns the same at `value`, from trains that `scene` builds around it: this simulation's scene, except for the parameter.
     ///
     /// # Errors
-    /// As [`variation`](Self::variation).
+    /// Errors of [`variation`](Self::variation).
     pub fn variation_at(&self, scene: &Scene, parameter: &Parameter, value: f64) -> Result<Variation, SimulationError> {
         let pointer = parameter.pointer();
         let at = |value: f64| -> Result<Neighbour, SimulationError> {
@@ -131,7 +130,7 @@ impl Simulation {
             }
             if let Some(inverse) = spec.mass.clone().try_inverse() {
                 bent.extend(&inverse);
-                // The masses that contacts feel: what impacts and contacts at rest multiply by.
+                // Effective masses of the contacts: factors in impacts and in contacts at rest.
                 let direction = |c: &ContactSpec| DVector::from_column_slice(&c.direction);
                 bent.push(spec.contacts.iter().map(direction).map(|g| g.dot(&(&inverse * &g)).recip()));
             }
@@ -199,13 +198,13 @@ impl Simulation {
         })
     }
 
-    /// Refuses numbers that move one frequency and not the others.
+    /// Returns an error for numbers that change one frequency and not the others.
     fn keeps_ratios(&self, pointer: &str, here: &Neighbour, there: &Neighbour) -> Result<(), SimulationError> {
         let is_kept = here.ratios.iter().zip(&there.ratios).all(|(a, b)| (a.1 - b.1).abs() <= 1e-12 * a.1.abs());
         if is_kept { Ok(()) } else { Err(self.parts(pointer, here)) }
     }
 
-    /// What is said of such a number.
+    /// Returns the error for such a number.
     fn parts(&self, pointer: &str, here: &Neighbour) -> SimulationError {
         let mut all: Vec<f64> = here.ratios.iter().map(|(w, _)| *w).collect();
         all.sort_by(f64::total_cmp);
@@ -219,7 +218,7 @@ impl Simulation {
     }
 }
 
-/// All frequencies of the forcing, rad/s, and the rates at which schedules repeat.
+/// Returns all frequencies of the forcing, rad/s, and the rates at which schedules repeat.
 fn frequencies(spec: &Spec) -> Vec<f64> {
     let mut all: Vec<f64> = spec.load_harmonics.iter().map(|l| l.omega).collect();
     all.extend(spec.contacts.iter().flat_map(ContactSpec::errors).flatten().map(|h| h.omega));
@@ -241,7 +240,7 @@ fn waves(harmonics: &[Harmonic], numbers: &mut Numbers) -> u64 {
     harmonics.len() as u64
 }
 
-/// Takes the numbers of a stiffness, or of the factor of a load. Returns its kind and their count.
+/// Adds the numbers of a stiffness, or of the factor of a load; returns its kind and their count.
 fn follow(schedule: &Stiffness, numbers: &mut Numbers, bent: &mut Numbers) -> [u64; 2] {
     match schedule {
         Stiffness::Constant(k) => {
@@ -268,7 +267,7 @@ fn follow(schedule: &Stiffness, numbers: &mut Numbers, bent: &mut Numbers) -> [u
     }
 }
 
-/// The shape of a train and its numbers in a fixed order: those that the motion depends on linearly, and the others.
+/// Adds the shape of a train and its numbers in a fixed order: those on which the motion depends linearly, and the others.
 fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Numbers, bent: &mut Numbers) {
     bent.extend(spec.mass.iter());
     numbers.extend(&spec.damping);
@@ -294,7 +293,7 @@ fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Numbers, bent: &mut 
             Law::Bilateral(l) | Law::KelvinVoigt(l, Release::Deflection) => numbers.push([l.damping]),
             Law::KelvinVoigt(l, Release::Force) => {
                 numbers.push([l.damping]);
-                // Without damping the contact lets go by its deflection.
+                // Without damping the contact opens by its deflection.
                 shape.push(u64::from(l.damping > 0.0));
             }
             Law::Power(l) => {
@@ -306,7 +305,7 @@ fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Numbers, bent: &mut 
                     numbers.push([e]);
                     shape.push(u64::from(e > 0.0));
                 }
-                // Factor of the power of v, and value where it is constant.
+                // Factor of the power of v, and the value if it is constant.
                 law @ Restitution::Power { exponent, smallest_speed, .. } => {
                     bent.push([law.at(smallest_speed) * libm::pow(smallest_speed, exponent), law.at(0.0)]);
                     bent.push([exponent, smallest_speed]);

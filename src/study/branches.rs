@@ -23,10 +23,10 @@ use crate::{
     task::Task,
 };
 
-/// Families of contacts drawn.
+/// Most families of contacts drawn.
 #[cfg(feature = "plot")]
 const MOST: usize = 3;
-/// Special points of a panel with their numbers beside them, at most.
+/// Most special points of a panel with numbers beside them.
 #[cfg(feature = "plot")]
 const NUMBERED: usize = 16;
 /// Largest multiplier drawn.
@@ -35,7 +35,7 @@ const LARGEST: f64 = 3.0;
 /// Colour of the first kind of special point.
 #[cfg(feature = "plot")]
 const FIRST_COLOUR: usize = 1;
-/// The kinds of special points.
+/// Kinds of special points.
 #[cfg(feature = "plot")]
 const KINDS: [Kind; 9] = [
     Kind::Fold,
@@ -56,14 +56,14 @@ pub struct Branches {
     /// Names of the components of the state.
     components: Vec<String>,
     dimensionless: bool,
-    /// The branches so far.
+    /// Branches so far.
     pub branches: Vec<Branch>,
-    /// Measures of their points; none where the orbit could not be run again.
+    /// Measures of their points; none if the orbit could not be run again.
     pub measures: Vec<Vec<Option<Steady>>>,
 }
 
 impl Branches {
-    /// Without any branch yet, of `family`.
+    /// Returns an empty set of branches of `family`.
     ///
     /// # Errors
     /// [`StudyError`] if the scene cannot be assembled.
@@ -74,7 +74,7 @@ impl Branches {
         Ok(Self { family, components, dimensionless, branches: Vec::new(), measures: Vec::new() })
     }
 
-    /// Takes further branches, and measures their points.
+    /// Adds further branches, and measures their points.
     pub fn take(&mut self, branches: &[Branch], task: Task<'_>) {
         for branch in &branches[self.branches.len()..] {
             let measure = |point: &Point| self.measure(point, task);
@@ -99,7 +99,7 @@ impl Branches {
         of_orbit(&simulation, &point.section, motion, task).ok()
     }
 
-    /// The table of points: `branches.csv`.
+    /// Returns the table of points: `branches.csv`.
     #[must_use]
     pub fn table(&self) -> String {
         let head = ["branch", "parameter", "period_cycles", "word", "stable", "multiplier"].map(String::from);
@@ -128,12 +128,12 @@ impl Branches {
         text
     }
 
-    /// All special points.
+    /// Returns all special points.
     pub fn specials(&self) -> impl Iterator<Item = &Special> {
         self.branches.iter().flat_map(|branch| &branch.specials)
     }
 
-    /// The table of special points: `special.csv`.
+    /// Returns the table of special points: `special.csv`.
     #[must_use]
     pub fn special_table(&self) -> String {
         let head = [
@@ -167,7 +167,7 @@ impl Branches {
         text
     }
 
-    /// Amplitude of the deflection, time separated and largest multiplier against the parameter, of the first contact of each family.
+    /// Draws deflection amplitude, time separated and largest multiplier over the parameter, for the first contact of each family.
     #[cfg(feature = "plot")]
     #[must_use]
     pub fn figure(&self, name: &str) -> Figure {
@@ -218,7 +218,7 @@ impl Branches {
         }
     }
 
-    /// Curves of special points in the plane of both numbers.
+    /// Draws the curves of special points in the plane of both numbers.
     #[cfg(feature = "plot")]
     #[must_use]
     pub fn plane(&self, curves: &[Curve], name: &str) -> Figure {
@@ -250,7 +250,7 @@ impl Branches {
         }
     }
 
-    /// Where some orbit touches both flanks of contact `j`.
+    /// Returns the bands of the parameter in which an orbit touches both flanks of contact `j`.
     #[cfg(feature = "plot")]
     fn double_sided(&self, j: usize) -> Vec<Band> {
         let touches = |point: &Point, side: char| {
@@ -276,13 +276,13 @@ impl Branches {
         merged.into_iter().map(band).collect()
     }
 
-    /// The axis of the parameter.
+    /// Returns the axis of the parameter.
     #[cfg(feature = "plot")]
     fn axis(&self) -> Axis {
         Axis::of_number(self.family.parameter.pointer(), self.dimensionless)
     }
 
-    /// A panel of one value of the points.
+    /// Returns a panel of one value of the points.
     #[cfg(feature = "plot")]
     fn panel(&self, label: &str, unit: &str, value: &dyn Fn(&Point, &Option<Steady>) -> Option<f64>) -> Panel {
         let mut panel = Panel {
@@ -300,7 +300,7 @@ impl Branches {
                 let is_stable = branch.points[from].is_stable;
                 let is_alike = |i: &usize| branch.points[*i].is_stable == is_stable && values[*i].is_some();
                 let run = (from..values.len()).take_while(is_alike).count().max(1);
-                // Lines of both kinds meet.
+                // Stable and unstable lines have a common point.
                 let last = (from + run).min(values.len() - 1);
                 let all = (from..=last).filter_map(|i| Some((branch.points[i].value, values[i]?)));
                 let (x, y): (Vec<f64>, Vec<f64>) = all.unzip();
@@ -330,7 +330,7 @@ impl Branches {
     }
 }
 
-/// The table of curves: `curves.csv`.
+/// Returns the table of curves: `curves.csv`.
 #[must_use]
 pub fn curve_table(curves: &[Curve]) -> String {
     let head =

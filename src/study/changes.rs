@@ -18,27 +18,27 @@ pub struct Effect {
     pub words: String,
     /// Time without force over the mesh period at each speed.
     pub apart: Vec<f64>,
-    /// The load at which separations end; 0 if there are none at any load.
+    /// Load at which separations end; 0 if there are none at any load.
     pub threshold: f64,
     /// Largest force, N.
     pub largest: f64,
 }
 
-/// Changes to try, and the mesh that is looked at.
+/// Changes to try, and the mesh that is studied.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Changes {
     title: String,
     note: String,
-    /// The mesh: the first whose name starts with this.
+    /// Mesh: the first whose name starts with this.
     contact: String,
-    /// The speed of threshold and force.
+    /// Speed at which threshold and force are determined.
     threshold_at: f64,
     pub changes: Vec<Change>,
 }
 
-/// A change as its table holds it: values to set, factors of numbers, and factors of the harmonics of an error, the last of
-/// which goes for all that follow.
+/// Change in the form of its table: values to set, factors of numbers, and factors of the harmonics of an error. The last factor applies to
+/// all further harmonics.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Change {
@@ -73,7 +73,7 @@ fn scaled(scene: &Scene, pointer: &str, factors: &[f64]) -> Value {
 }
 
 impl Changes {
-    /// Time without force, threshold (by deflection) and largest force of the mesh under each change, all from cold starts.
+    /// Returns time without force, threshold (by deflection) and largest force of the mesh under each change, all from cold starts.
     pub fn effects(
         &self,
         context: &Context<'_>,
@@ -95,7 +95,7 @@ impl Changes {
         })
     }
 
-    /// Effects of the changes, as a table.
+    /// Returns the effects of the changes as a table.
     pub fn listing(&self, effects: &[Effect], ([load, speed], speeds): (&[Quantity; 2], &[f64])) -> Table {
         let cells = |effect: &Effect| {
             let apart = effect.apart.iter().map(|apart| format!("{apart:.3}"));

@@ -1,4 +1,4 @@
-//! The page of a scene before it runs: the train, its stiffnesses, errors and loads, and its critical speeds.
+//! Page of a scene before it runs: the train, its stiffnesses, errors and loads, and its critical speeds.
 
 use std::f64::consts::TAU;
 
@@ -19,16 +19,16 @@ pub const FIGURES: [&str; 5] = ["train", "stiffness", "error", "loads", "campbel
 
 /// Samples of a curve over time.
 const SAMPLES: u32 = 2400;
-/// Speeds of a Campbell diagram reach from zero to so many times the scene's own.
+/// Highest speed of a Campbell diagram, relative to the scene's own.
 const REACH: f64 = 2.0;
-/// Its frequencies reach so far beyond the highest mode that an order meets.
+/// Highest frequency of the diagram, relative to the highest mode that an order meets.
 const ABOVE: f64 = 1.1;
-/// Room around a train, of its size.
+/// Space around a train, as a share of its size.
 const ROOM: f64 = 0.06;
-/// Contacts drawn one by one, at most.
+/// Most contacts drawn one by one.
 const MOST: usize = 6;
 
-/// The page of a scene.
+/// Returns the page of a scene.
 #[must_use]
 pub fn page(scene: &Scene, simulation: &Simulation) -> Report {
     let report = simulation.report();
@@ -59,7 +59,7 @@ pub fn page(scene: &Scene, simulation: &Simulation) -> Report {
     }
 }
 
-/// A scene that is drawn.
+/// Scene that is drawn.
 struct View<'s> {
     scene: &'s Scene,
     simulation: &'s Simulation,
@@ -67,7 +67,7 @@ struct View<'s> {
 }
 
 impl View<'_> {
-    /// The train to scale, each gear with its teeth.
+    /// Draws the train to scale, each gear with its teeth.
     fn train(&self) -> Option<Figure> {
         let drawing = self.scene.built().drawing.as_ref()?;
         let mut panel = Panel { equal_scales: true, ..Panel::default() };
@@ -100,7 +100,7 @@ impl View<'_> {
         })
     }
 
-    /// A panel for the first contact of each family that has `values` over a time, s.
+    /// Returns a panel for the first contact of each family that has `values` over a time, s.
     fn over_a_time(&self, y: &Axis, values: impl Fn(usize) -> Option<(f64, Box<dyn Fn(f64) -> f64>)>) -> Vec<Panel> {
         let panel = |(j, _): (usize, String)| {
             let (period, value) = values(j)?;
@@ -117,7 +117,7 @@ impl View<'_> {
         representatives(self.simulation).into_iter().take(MOST).filter_map(panel).collect()
     }
 
-    /// Stiffnesses over a mesh period.
+    /// Draws the stiffnesses over a mesh period.
     fn stiffness(&self) -> Option<Figure> {
         let contacts = &self.simulation.structure.spec().contacts;
         let unit = if self.simulation.dimensionless { "" } else { "N/m" };
@@ -131,7 +131,7 @@ impl View<'_> {
         over("stiffness", "Mesh stiffness over a mesh period", "Of the first mesh of each family.", panels)
     }
 
-    /// Transmission errors over the period of their slowest harmonic.
+    /// Draws the transmission errors over the period of their slowest harmonic.
     fn error(&self) -> Option<Figure> {
         let contacts = &self.simulation.structure.spec().contacts;
         let (factor, unit) = self.units.length;
@@ -146,7 +146,7 @@ impl View<'_> {
         over("error", "Transmission error", caption, panels)
     }
 
-    /// The force of each contact at rest under the mean load.
+    /// Draws the force of each contact at rest under the mean load.
     fn loads(&self) -> Option<Figure> {
         let spec = self.simulation.structure.spec();
         let found = equilibrium(spec).or_else(|_| quasi_static(spec, 0.0).map(|(found, ..)| found));
@@ -183,11 +183,11 @@ impl View<'_> {
         })
     }
 
-    /// Natural frequencies and the orders that excite them over the speed; where they meet, a row of `critical`.
+    /// Draws natural frequencies and the orders that excite them over the speed; each crossing adds a row of `critical`.
     fn campbell(&self, Quantity { pointer, axis }: &Quantity, critical: &mut Vec<Vec<String>>) -> Option<Figure> {
         let own = number(self.scene, pointer).ok().filter(|own| *own != 0.0)?;
         let report = self.simulation.report();
-        // Meshes of one frequency, as those of a planetary stage, excite alike.
+        // Meshes of one frequency, such as those of a planetary stage, excite equally.
         let mut orders: Vec<(String, f64)> = Vec::new();
         for (name, hertz) in self.simulation.orders() {
             match orders.iter_mut().find(|(_, known)| (*known - hertz).abs() <= 1e-9 * hertz) {
@@ -250,16 +250,16 @@ impl View<'_> {
     }
 }
 
-/// Millimetres of a metre.
+/// Millimetres per metre.
 const MM: f64 = 1e3;
 
-/// Outline of a gear with its teeth, mm: as high as those of a standard rack, with straight flanks.
+/// Returns the outline of a gear with its teeth, mm: as high as those of a standard rack, with straight flanks.
 fn outline(gear: &GearDrawing) -> (Vec<f64>, Vec<f64>) {
     let pitch = TAU / f64::from(gear.teeth);
     let module = 2.0 * gear.radius / f64::from(gear.teeth);
     let inward = if gear.is_ring { -1.0 } else { 1.0 };
     let [tip, root] = [gear.radius + inward * module, gear.radius - inward * 1.25 * module];
-    // A ring has a space where its angle is.
+    // A ring has a space at its angle.
     let shift = if gear.is_ring { 0.5 } else { 0.0 };
     let corners = [(-0.34, root), (-0.14, tip), (0.14, tip), (0.34, root)];
     let point = |k: u32, (part, radius): (f64, f64)| {

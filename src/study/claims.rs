@@ -1,8 +1,8 @@
-//! What a source states about a train, beside what Flank finds.
+//! Claims of a source about a train, compared with Flank's results.
 //!
-//! Claims are data: a JSON file lists, figure by figure, numbers and statements with the place they stand at, an
-//! expression over what the figure measured, such as `max(sun.range) > 1e-6`, and what to know before quoting them. A
-//! number agrees within 5 % and in part within 15 %; a statement agrees if its condition holds.
+//! Claims are data: a JSON file lists, figure by figure, numbers and statements. Each has its place in the source, an expression over the
+//! measures of the figure, such as `max(sun.range) > 1e-6`, and a note. A number agrees within 5 % and in part within 15 %; a statement
+//! agrees if its condition is true.
 
 use std::collections::BTreeMap;
 
@@ -16,35 +16,35 @@ use super::{
 };
 pub use crate::plot::Verdict;
 
-/// One row of the table "published, Flank, verdict".
+/// Row of the table "published, Flank, verdict".
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// Figure of the source.
     pub place: String,
-    /// What is compared.
+    /// Quantity that is compared.
     pub quantity: String,
-    /// What was published.
+    /// Published value.
     pub published: String,
-    /// What Flank finds.
+    /// Value that Flank finds.
     pub found: String,
-    /// What comes of it.
+    /// Verdict of the comparison.
     pub verdict: Verdict,
-    /// Whether it was part of the fit that gave the scene its numbers, and is no test of it.
+    /// True if it was part of the fit that gave the scene its numbers, and is no test of it.
     pub fitted: bool,
-    /// What to know before quoting it; may be empty.
+    /// Note for quoting it; may be empty.
     pub note: String,
-    /// Its number among the claims about its figure.
+    /// Index among the claims about its figure.
     #[serde(skip)]
     pub number: usize,
-    /// Share by which a number differs from the published one, or a statement is missed.
+    /// Relative difference of a number from the published one, or miss of a statement.
     #[serde(skip)]
     pub off: Option<f64>,
 }
 
-/// Share of the published number up to which a number agrees, and up to which it does in part.
+/// Largest relative difference at which a number agrees, and at which it agrees in part.
 const NEAR: [f64; 2] = [0.05, 0.15];
 
-/// Two numbers: what was published and what was found.
+/// Compares a published number with the one found.
 pub(super) fn numbers(place: &str, quantity: &str, (published, found): (f64, f64), unit: &str) -> Comparison {
     let off = (found - published).abs() / published.abs();
     let verdict = match off {
@@ -70,11 +70,11 @@ pub(super) fn numbers(place: &str, quantity: &str, (published, found): (f64, f64
     }
 }
 
-/// The claims about one figure.
+/// Claims about one figure.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Group {
-    /// Whether anything can be said at all: an expression.
+    /// Expression that is true if the claims about the figure apply.
     when: Option<String>,
     /// Names for expressions, `name = expression`, in order.
     #[serde(rename = "let")]
@@ -88,13 +88,13 @@ struct Group {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Points {
-    /// Loads or speeds.
+    /// Loads or speeds of the points.
     pub x: Vec<f64>,
-    /// Values there.
+    /// Values at these loads or speeds.
     pub y: Vec<f64>,
 }
 
-/// A number (`expected`, `value`, `unit`) or a statement (`published`, `found`, and `agrees`, `partly` or `verdict`).
+/// Claim of a number (`expected`, `value`, `unit`) or a statement (`published`, `found`, and `agrees`, `partly` or `verdict`).
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Claim {
@@ -108,19 +108,19 @@ struct Claim {
     found: Option<String>,
     agrees: Option<String>,
     partly: Option<String>,
-    /// Share by which a statement that does not hold is missed, for a fit.
+    /// Expression for the share by which a false statement is missed, for a fit.
     off: Option<String>,
     verdict: Option<Verdict>,
-    /// Where this holds, `ambiguous_found` is what is found, and agreement is in part.
+    /// Condition under which `ambiguous_found` is reported, and agreement is in part.
     ambiguous: Option<String>,
     ambiguous_found: String,
     fitted: bool,
-    /// It is no part of a fit, and tests it.
+    /// True if it is no part of a fit, and tests it.
     held_out: bool,
     note: String,
 }
 
-/// The claims of one source, by figure.
+/// Claims of one source, by figure.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Claims {
     figures: BTreeMap<String, Group>,
@@ -135,13 +135,13 @@ impl Claims {
         serde_json::from_str(text).map_err(|error| StudyError::Claim(error.to_string()))
     }
 
-    /// Whether nothing is claimed.
+    /// Returns whether there are no claims.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.figures.is_empty()
     }
 
-    /// The claims about a figure that can be met or not, as a fit knows them.
+    /// Returns the claims about a figure that a fit judges.
     pub(super) fn keys(&self, kind: Kind) -> impl Iterator<Item = ClaimKey> {
         let claims = self.figures.get(kind.id()).map(|group| group.claims.as_slice()).unwrap_or_default();
         let judged = claims.iter().enumerate().filter(|(_, claim)| claim.verdict.is_none());
@@ -154,12 +154,12 @@ impl Claims {
         })
     }
 
-    /// Published points for a figure, if there are any.
+    /// Returns the published points for a figure, if there are any.
     pub(super) fn points(&self, figure: &str) -> Option<&Points> {
         self.figures.get(figure)?.points.as_ref()
     }
 
-    /// What is claimed about a figure beside `facts`, what the figure measured, by name.
+    /// Compares the claims about a figure with `facts`, its measures by name.
     ///
     /// # Errors
     /// [`StudyError::Claim`] for a claim that cannot be evaluated.
@@ -192,7 +192,7 @@ impl Group {
 }
 
 impl Claim {
-    /// Its quantity without values.
+    /// Returns its quantity without values.
     fn name(&self) -> String {
         let parts = self.quantity.split('{').enumerate();
         parts
@@ -201,7 +201,7 @@ impl Claim {
             .join("…")
     }
 
-    /// The row, unless the claim says nothing here.
+    /// Returns the row, or none if the claim does not apply.
     fn compare(&self, names: &Map<String, Value>) -> Result<Option<Comparison>, String> {
         if !truth(self.when.as_deref(), names)?.unwrap_or(true) {
             return Ok(None);
@@ -243,7 +243,7 @@ impl Claim {
     }
 }
 
-/// Whether a condition holds; nothing where there is none.
+/// Returns whether a condition is true; none without a condition.
 fn truth(condition: Option<&str>, names: &Map<String, Value>) -> Result<Option<bool>, String> {
     let Some(text) = condition else { return Ok(None) };
     let value = evaluate(text, names)?;

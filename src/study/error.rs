@@ -1,11 +1,11 @@
 use super::identify::IdentifyError;
 use crate::{simulation::SimulationError, train::TrainError};
 
-/// Why a study cannot be carried out.
+/// Error of a study.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StudyError {
-    /// A simulation cannot be made or run, or lacks what a figure needs.
+    /// A simulation cannot be made or run, or lacks data for a figure.
     #[error(transparent)]
     Simulation(SimulationError),
     /// The identification cannot be done.
@@ -17,7 +17,7 @@ pub enum StudyError {
     /// The run was stopped by the event budget of its scene.
     #[error("the event budget of the scene (/run/event_budget) was spent in cycle {cycle}")]
     Budget {
-        /// Where.
+        /// Cycle in which it was spent.
         cycle: i64,
     },
     /// A measure left the range of double precision.
@@ -29,7 +29,7 @@ pub enum StudyError {
     /// A study file cannot be used.
     #[error("the study cannot be used: {0}")]
     File(String),
-    /// The user broke off.
+    /// The user interrupted the work.
     #[error("interrupted")]
     Interrupted,
 }
@@ -41,7 +41,7 @@ impl<E: Into<SimulationError>> From<E> for StudyError {
 }
 
 impl StudyError {
-    /// The error of a study that needs more than the scene called `name` has.
+    /// Returns the error of a study that the scene `name` cannot serve.
     pub(super) fn missing(name: &str, missing: impl Into<String>) -> Self {
         SimulationError::missing(name, missing).into()
     }

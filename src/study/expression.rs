@@ -1,8 +1,7 @@
-//! Expressions over measured numbers, as claims write them: `max(sun.range) > 1e-6 && at(speeds, ring.first, 500) < 80`.
+//! Expressions over measured numbers in claims: `max(sun.range) > 1e-6 && at(speeds, ring.first, 500) < 80`.
 //!
-//! Values are JSON: numbers, texts, truths, lists, objects, and `none`, which is also what a name that does not exist
-//! gives. Operators and `.name` work on lists item by item. What cannot be computed is `none`; comparisons with it are
-//! false, except `==` and `!=`.
+//! Values are JSON: numbers, texts, truths, lists, objects, and `none`, which an unknown name gives too. Operators and `.name` work on
+//! lists item by item. A value that cannot be computed is `none`; comparisons with it are false, except `==` and `!=`.
 
 use serde_json::{Map, Value, json};
 
@@ -11,7 +10,7 @@ use crate::gear::contact::restitution;
 /// Operators by rising precedence; all bind to the left.
 const LEVELS: [&[&str]; 6] = [&["||"], &["&&"], &["==", "!=", "<=", ">=", "<", ">"], &["+", "-"], &["*", "/"], &["^"]];
 
-/// The value of an expression in which `names` are known.
+/// Returns the value of an expression in which `names` are known.
 pub(super) fn evaluate(text: &str, names: &Map<String, Value>) -> Result<Value, String> {
     let mut reader = Reader { rest: text, names };
     let value = reader.binary(0)?;
@@ -21,7 +20,7 @@ pub(super) fn evaluate(text: &str, names: &Map<String, Value>) -> Result<Value, 
     }
 }
 
-/// A text with every `{expression}`, `{expression:.2}` or `{expression:+.2}` in it replaced by its value.
+/// Returns a text with every `{expression}`, `{expression:.2}` or `{expression:+.2}` in it replaced by its value.
 pub(super) fn fill(template: &str, names: &Map<String, Value>) -> Result<String, String> {
     let (mut text, mut rest) = (String::new(), template);
     while let Some((before, after)) = rest.split_once('{') {
@@ -37,7 +36,7 @@ pub(super) fn fill(template: &str, names: &Map<String, Value>) -> Result<String,
     Ok(text + rest)
 }
 
-/// A value in words; `digits` is empty, `.2` or `+.2`. Lists are joined by commas.
+/// Returns a value in words; `digits` is empty, `.2` or `+.2`. Lists are joined by commas.
 fn written(value: &Value, digits: &str) -> String {
     let places = digits.trim_start_matches(['+', '.']).parse::<usize>();
     match (value, value.as_f64(), places) {
@@ -66,7 +65,7 @@ impl<'t> Reader<'t> {
         if self.skip(mark) { Ok(()) } else { Err(format!("\"{mark}\" is missing before \"{}\"", self.rest)) }
     }
 
-    /// The longest start whose characters are `wanted`.
+    /// Takes the longest start whose characters are `wanted`.
     fn take(&mut self, wanted: impl Fn(char) -> bool) -> &'t str {
         self.rest = self.rest.trim_start();
         let (taken, rest) = self.rest.split_at(self.rest.find(|c| !wanted(c)).unwrap_or(self.rest.len()));
@@ -184,12 +183,12 @@ fn scalar(operator: &str, left: &Value, right: &Value) -> Value {
     }
 }
 
-/// The numbers of a list; empty for anything else.
+/// Returns the numbers of a list; empty for other values.
 fn list(value: &Value) -> Vec<f64> {
     value.as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
 }
 
-/// The larger or smaller value; item by item where one is a list.
+/// Returns the larger or smaller value; item by item if one is a list.
 fn extreme(pick: fn(f64, f64) -> f64, a: &Value, b: &Value) -> Value {
     match (a, b) {
         (Value::Array(a), Value::Array(b)) => a.iter().zip(b).map(|(a, b)| extreme(pick, a, b)).collect(),
@@ -197,7 +196,7 @@ fn extreme(pick: fn(f64, f64) -> f64, a: &Value, b: &Value) -> Value {
     }
 }
 
-/// The functions; `None` if there is no such one.
+/// Evaluates a function; `None` if the function is unknown.
 fn call(name: &str, arguments: &[Value]) -> Option<Value> {
     let pick = if name == "max" { f64::max } else { f64::min };
     Some(match (name, arguments) {
@@ -215,7 +214,7 @@ fn call(name: &str, arguments: &[Value]) -> Option<Value> {
         ("all", [truths]) => json!(truths.as_array()?.iter().all(|truth| truth.as_bool() == Some(true))),
         ("first", [items, count]) => items.as_array()?.iter().take(count.as_f64()? as usize).cloned().collect(),
         ("last", [items]) => items.as_array()?.last().cloned().unwrap_or_default(),
-        // The items beside which a truth stands.
+        // Items whose truth is true.
         ("where", [items, truths]) => {
             let kept = items.as_array()?.iter().zip(truths.as_array()?);
             kept.filter(|(_, truth)| truth.as_bool() == Some(true)).map(|(item, _)| item.clone()).collect()
@@ -223,27 +222,27 @@ fn call(name: &str, arguments: &[Value]) -> Option<Value> {
         ("steps", [items]) => list(items).windows(2).map(|pair| json!(pair[1] - pair[0])).collect(),
         ("max" | "min", [items]) => list(items).into_iter().reduce(pick).map_or(Value::Null, |most| json!(most)),
         ("max" | "min", [first, rest @ ..]) => rest.iter().fold(first.clone(), |a, b| extreme(pick, &a, b)),
-        // Where the largest number of a list stands, from 0; the first one of several.
+        // Index of the largest number of a list, from 0; the first one of several.
         ("place", [items]) => {
             let items = list(items);
             json!((0..items.len()).fold(0, |most, i| if items[i] > items[most] { i } else { most }))
         }
         ("at", [xs, ys, x]) => json!(at(&list(xs), &list(ys), x.as_f64()?)),
         ("r2", [xs, ys]) => json!(linearity(&list(xs), &list(ys))),
-        // Whether a list holds enough points to speak of a curve, and these among them. What was read off a source at
-        // one place is compared there, not between its neighbours.
+        // True if a list contains enough points of a curve, and these among them. A value that was read off a source at one place is
+        // compared there, not between its neighbours.
         ("curve", [xs, wanted @ ..]) => {
             let xs = list(xs);
             let there = |x: f64| xs.iter().any(|own| (own - x).abs() <= 1e-9 * x.abs().max(1.0));
             json!(xs.len() >= 20 && wanted.iter().filter_map(Value::as_f64).all(there))
         }
-        // What a contact with this coefficient of hysteresis returns.
+        // Restitution of a contact with this coefficient of hysteresis.
         ("restitution", [coefficient]) => json!(restitution(coefficient.as_f64()?)),
         _ => return None,
     })
 }
 
-/// Value at `x` of a curve through points in rising order, linear between them.
+/// Returns the value at `x` of a curve through points in rising order, linear between them.
 fn at(xs: &[f64], ys: &[f64], x: f64) -> Option<f64> {
     match xs.iter().position(|v| *v >= x) {
         Some(0) => ys.first().copied(),
@@ -252,7 +251,7 @@ fn at(xs: &[f64], ys: &[f64], x: f64) -> Option<f64> {
     }
 }
 
-/// Coefficient of determination of the straight line through points, `1 − Σ(y − ŷ)²/Σ(y − ȳ)²`.
+/// Returns the coefficient of determination of the straight line through points, `1 − Σ(y − ŷ)²/Σ(y − ȳ)²`.
 fn linearity(x: &[f64], y: &[f64]) -> f64 {
     let n = x.len() as f64;
     let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);

@@ -1,4 +1,4 @@
-//! A study as a file: scenes, plots of them by section, and claims.
+//! File of a study: scenes, plots of them by section, and claims.
 //!
 //! A text in place of a scene, of claims or of a table names a JSON file beside the study.
 
@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::{Kind, StudyError, claims::Claims, fit::Question, plan::Plan};
 use crate::{scene::Scene, sweep::Axis};
 
-/// A study as its file gives it.
+/// Study in the form of its file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StudyFile {
@@ -58,14 +58,14 @@ pub struct Plot {
     pub values: Option<Vec<f64>>,
     /// Highest frequency of spectra and modes, Hz.
     pub highest_hz: Option<f64>,
-    /// Scene whose natural frequencies are drawn in; its own if none is named.
+    /// Scene whose natural frequencies are drawn in; its own by default.
     pub modes_of: Option<String>,
     /// Numbers that a table compares.
     #[serde(default)]
     table: Value,
 }
 
-/// Name of the scene of a study of one.
+/// Returns the default name of the scene.
 fn only() -> String {
     "scene".to_owned()
 }
@@ -77,13 +77,13 @@ pub(super) fn values<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Resul
 }
 
 impl Plot {
-    /// Numbers that its table compares.
+    /// Reads the numbers that its table compares.
     pub(super) fn table<T: DeserializeOwned>(&self) -> Result<T, StudyError> {
         T::deserialize(&self.table).map_err(|error| StudyError::File(format!("table of {}: {error}", self.kind.id())))
     }
 }
 
-/// The published study with several sets of numbers and with one, and what their files hold.
+/// Texts of the published study with several sets of numbers and with one, and of their files.
 const PUBLISHED: &str = include_str!("published/study.json");
 const ONE_SET: &str = include_str!("published/one-set.json");
 const FILES: [(&str, &str); 4] = [
@@ -92,16 +92,16 @@ const FILES: [(&str, &str); 4] = [
     ("identified.json", include_str!("published/identified.json")),
     ("values.json", include_str!("published/values.json")),
 ];
-/// Plots of any train, of its one scene.
+/// Plots of any train, with one scene.
 const ANY: &str = include_str!("any_train.json");
 
 impl StudyFile {
-    /// The published study of the reference set.
+    /// Returns the published study of the reference set.
     pub fn reference() -> Result<Self, StudyError> {
         Self::published(PUBLISHED)
     }
 
-    /// The same with one set of numbers, and the ranges that it was found in.
+    /// Returns the same with one set of numbers, and the ranges in which it was found.
     pub fn one_set() -> Result<Self, StudyError> {
         Self::published(ONE_SET)
     }
@@ -111,7 +111,7 @@ impl StudyFile {
         Self::read(text, &|name| of(name).ok_or_else(|| format!("{name} is no part of the library")))
     }
 
-    /// Plots of any train, without a scene.
+    /// Returns the plots of any train, without a scene.
     pub fn any() -> Result<Self, StudyError> {
         Self::read(ANY, &|name| Err(name.to_owned()))
     }
@@ -128,7 +128,7 @@ impl StudyFile {
         Ok(file)
     }
 
-    /// The plan that it holds, with its scenes and claims read.
+    /// Returns its plan, with scenes and claims read.
     pub fn plan(self) -> Result<Plan, StudyError> {
         if self.flank_study != 1 {
             return Err(StudyError::File(format!("flank_study is {}; this version reads 1", self.flank_study)));

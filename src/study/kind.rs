@@ -20,7 +20,7 @@ macro_rules! kinds {
 kinds! {
     /// Natural modes, drawn.
     Modes = "modes",
-    /// Numbers of scenes that published values give back; a table.
+    /// Numbers of scenes that follow from published values; a table.
     Identification = "identification",
     /// Mesh forces over time and their spectra.
     Forces = "forces",
@@ -32,7 +32,7 @@ kinds! {
     Cycles = "cycles",
     /// Time apart and amplitude against load.
     ApartVsLoad = "apart-vs-load",
-    /// The same against speed.
+    /// Time apart and amplitude against speed.
     ApartVsSpeed = "apart-vs-speed",
     /// Threshold load against speed.
     ThresholdVsSpeed = "threshold-vs-speed",
@@ -47,7 +47,7 @@ kinds! {
 }
 
 impl Kind {
-    /// Tells that it is a table, which compares what the file of a study lists.
+    /// Returns whether it is a table of a list in the file of a study.
     #[must_use]
     pub fn is_table(self) -> bool {
         matches!(self, Self::Identification | Self::Changes | Self::Values)

@@ -1,16 +1,16 @@
-//! Measures of contacts and bearings, as tables have them.
+//! Measures of contacts and bearings in tables.
 
 use super::steady::{ContactSteady, Steady};
 use crate::{analysis::BearingReport, output::Fault, system::Structure};
 
-/// A measure of each contact, or of each bearing.
+/// Measure of each contact, or of each bearing.
 #[derive(Debug)]
 enum Of {
     Contact(fn(&ContactSteady) -> Option<f64>),
     Bearing(fn(&BearingReport) -> f64),
 }
 
-/// A column of each contact or bearing: its name, its unit, the value.
+/// Column of each contact or bearing: its name, its unit, the value.
 #[derive(Debug)]
 struct Measure(&'static str, &'static str, Of);
 
@@ -51,7 +51,7 @@ const ALL: [Measure; 34] = [
     Measure("bearing_force_max", "_n", Of::Bearing(|b| b.force_max)),
 ];
 
-/// Measures that a table has unless others are asked for.
+/// Default measures of a table.
 const USUAL: [&str; 19] = [
     "apart_fraction",
     "no_force_fraction",
@@ -74,7 +74,7 @@ const USUAL: [&str; 19] = [
     "bearing_force_max",
 ];
 
-/// The contacts and bearings of a table, and the measures that it has of them.
+/// Contacts and bearings of a table, with the measures of each.
 #[derive(Clone, Debug)]
 pub(crate) struct Measures {
     measures: Vec<&'static Measure>,
@@ -83,16 +83,16 @@ pub(crate) struct Measures {
 }
 
 impl Measures {
-    /// The usual measures, of no contact yet.
+    /// Returns the usual measures, of no contact yet.
     pub fn usual() -> Self {
         let usual = ALL.iter().filter(|measure| USUAL.contains(&measure.0));
         Self { measures: usual.collect(), contacts: Vec::new(), bearings: Vec::new() }
     }
 
-    /// Measures by their names without unit; the usual ones if none are named.
+    /// Returns measures by their names without unit; the usual ones if no names are given.
     ///
     /// # Errors
-    /// Names that are none.
+    /// Names that are unknown.
     pub fn named(names: &[impl AsRef<str>]) -> Result<Self, Vec<Fault>> {
         let (mut faults, mut measures) = (Vec::new(), Vec::new());
         for name in names.iter().map(AsRef::as_ref) {
@@ -110,14 +110,14 @@ impl Measures {
         if faults.is_empty() { Ok(Self { measures, ..usual }) } else { Err(faults) }
     }
 
-    /// Takes the contacts and bearings of a train.
+    /// Adds the contacts and bearings of a train.
     pub fn of(mut self, structure: &Structure) -> Self {
         self.contacts = numbered(structure.contacts().iter().map(|contact| &*contact.spec.name));
         self.bearings = numbered(structure.spec().bearings.iter().map(|bearing| &*bearing.name));
         self
     }
 
-    /// Takes those of a motion that the table does not have yet.
+    /// Adds those contacts and bearings of a motion that are missing in the table.
     pub fn take(&mut self, steady: &Steady) {
         for (names, own) in [(&mut self.contacts, contacts(steady)), (&mut self.bearings, bearings(steady))] {
             for name in own {
@@ -128,7 +128,7 @@ impl Measures {
         }
     }
 
-    /// Each column: its contact or bearing, and its measure; those of contacts first.
+    /// Returns each column: its contact or bearing, and its measure; those of contacts first.
     fn each(&self) -> impl Iterator<Item = (&String, &'static Measure)> {
         let of = |is_of_contact: bool| {
             move |name| {
@@ -139,12 +139,12 @@ impl Measures {
         self.contacts.iter().flat_map(of(true)).chain(self.bearings.iter().flat_map(of(false)))
     }
 
-    /// Names of the columns. A dimensionless train has no units.
+    /// Returns the names of the columns. A dimensionless train has no units.
     pub fn columns(&self, is_dimensionless: bool) -> Vec<String> {
         self.each().map(|(part, measure)| format!("{part} {}", measure.title(is_dimensionless))).collect()
     }
 
-    /// Values of the columns, none where a motion has no such contact.
+    /// Returns the values of the columns, none if a motion has no such contact.
     pub fn values(&self, steady: Option<&Steady>) -> Vec<Option<f64>> {
         let Some(steady) = steady else { return vec![None; self.each().count()] };
         let [contacts, bearings] = [contacts(steady), bearings(steady)];
@@ -157,7 +157,7 @@ impl Measures {
         self.each().map(value).collect()
     }
 
-    /// Places of the columns of the first measure.
+    /// Returns the places of the columns of the first measure.
     pub fn of_first(&self) -> Vec<usize> {
         let is_first = |(_, (_, measure)): &(usize, (&String, &Measure))| {
             self.measures.first().is_some_and(|first| first.0 == measure.0)
@@ -165,7 +165,7 @@ impl Measures {
         self.each().enumerate().filter(is_first).map(|(i, _)| i).collect()
     }
 
-    /// Name of the first measure with its unit, and what it is of.
+    /// Returns the title of the first measure: its contact or bearing, or that it is the largest of all, and its name with unit.
     pub fn title(&self, is_dimensionless: bool) -> String {
         let Some(first) = self.measures.first() else { return String::new() };
         let (parts, all) = match first.2 {
@@ -182,7 +182,7 @@ impl Measures {
 }
 
 impl Measure {
-    /// The name with its unit.
+    /// Returns the name with its unit.
     fn title(&self, is_dimensionless: bool) -> String {
         format!("{}{}", self.0, if is_dimensionless { "" } else { self.1 })
     }
@@ -196,7 +196,7 @@ fn bearings(steady: &Steady) -> Vec<String> {
     numbered(steady.bearings.iter().map(|bearing| &*bearing.name))
 }
 
-/// Names; one given before gets a number.
+/// Returns unique names: a repeated one gets a number.
 pub(crate) fn numbered<'a>(names: impl Iterator<Item = &'a str>) -> Vec<String> {
     let names: Vec<&str> = names.collect();
     let name = |j: usize| {

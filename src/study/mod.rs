@@ -1,8 +1,7 @@
-//! What a scene does once its transient is gone, and how that changes with its numbers.
+//! Studies of a scene: its motion after the transient, and the change of that with its numbers.
 //!
-//! [`steady`](mod@steady) runs a [`Simulation`](crate::Simulation) until its motion is periodic and measures it;
-//! [`identify`](mod@identify) finds numbers of a scene from
-//! what a train does. [`advise`] compares a scene with simpler models of itself.
+//! [`steady`](mod@steady) runs a [`Simulation`](crate::Simulation) until its motion is periodic and measures it. [`identify`](mod@identify)
+//! finds numbers of a scene from properties of a train. [`advise`] compares a scene with simpler models of itself.
 
 pub mod advise;
 pub mod branches;

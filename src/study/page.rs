@@ -1,4 +1,4 @@
-//! The report of a study.
+//! Report of a study.
 
 use super::{
     Kind,
@@ -10,29 +10,29 @@ use crate::{
     plot::{Cell, Item, Report, Section, Table},
 };
 
-/// What goes into a report.
+/// Contents of a report.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contents {
     /// Title of the page.
     pub title: String,
-    /// What was made, in the order made.
+    /// Entries in the order made.
     pub entries: Vec<(Kind, Entry)>,
-    /// What was asked for and cannot be had, and why.
+    /// Requested plots that cannot be made, with the reasons.
     pub missing: Vec<(Kind, String)>,
-    /// Where the source contradicts itself.
+    /// Contradictions within the source.
     pub contradictions: Vec<Comparison>,
-    /// How the page came about, line by line.
+    /// Origin of the page, line by line.
     pub provenance: Vec<String>,
 }
 
 impl Contents {
-    /// All comparisons, in order.
+    /// Returns all comparisons, in order.
     #[must_use]
     pub fn comparisons(&self) -> Vec<&Comparison> {
         self.entries.iter().flat_map(|(_, entry)| &entry.comparisons).collect()
     }
 
-    /// The page, in the sections of its plan.
+    /// Returns the page, in the sections of its plan.
     #[must_use]
     pub fn report(&self, plan: &Plan) -> Report {
         let mut sections = Vec::new();
@@ -72,7 +72,7 @@ impl Contents {
         }
     }
 
-    /// The count of published numbers and statements by verdict, as a sentence; none unless something is compared.
+    /// Returns the count of published numbers and statements by verdict, as a sentence; none without a comparison.
     #[must_use]
     pub fn score(&self) -> Option<String> {
         let rows = self.comparisons();

@@ -1,4 +1,4 @@
-//! Plots of a study: which is made from which scene, over which values.
+//! Plan of a study: its plots, each with its scene and its values.
 
 use serde_json::{Map, Value, json};
 
@@ -23,17 +23,17 @@ use crate::{
 /// Result of one plot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// The figure, if it is one.
+    /// Figure of the plot, if it has one.
     pub figure: Option<Figure>,
-    /// The scene it was made from, in words, and its hash.
+    /// Scene of the plot, in words, and its hash.
     pub scene: [String; 2],
-    /// Published numbers beside Flank's, where a study has claims.
+    /// Published numbers beside Flank's, if a study has claims.
     pub comparisons: Vec<Comparison>,
-    /// Numbers better read than seen.
+    /// Table of numbers, if it has one.
     pub listing: Option<Table>,
 }
 
-/// A study: scenes, plots of them, and claims about these.
+/// Study: scenes, plots of them, and claims about these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// Title of its page.
@@ -42,7 +42,7 @@ pub struct Plan {
     pub(super) scenes: Vec<(String, Scene)>,
     /// Sections of its page, with their plots.
     pub sections: Vec<Section>,
-    /// What was published about it.
+    /// Published claims about it.
     pub claims: Claims,
     /// Pointer of the load that is varied, if it is not the train's usual one.
     pub load: Option<String>,
@@ -50,40 +50,40 @@ pub struct Plan {
     pub speed: Option<String>,
     /// Numbers that `flank fit` finds.
     pub(super) question: Option<Question>,
-    /// Tells that it is a trial of a fit: few values, cold starts alone, thresholds to 1 % of the loads.
+    /// True for a trial of a fit: few values, cold starts alone, thresholds to 1 % of the loads.
     pub(super) is_coarse: bool,
 }
 
-/// Speeds at which thresholds are sought, at most: each takes some twenty runs.
+/// Most speeds at which thresholds are sought: each takes some twenty runs.
 const THRESHOLDS: usize = 20;
 /// Width of a threshold's bracket, as a share of the loads: of a study, and of a trial of a fit.
 const FINE: f64 = 2.5e-4;
 const COARSE: f64 = 1e-2;
-/// Speeds of a waterfall, at most.
+/// Most speeds of a waterfall.
 const LINES: usize = 60;
-/// Cycles after which a floating motion counts as irregular: such motions are not waited for any longer.
+/// Cycles after which a floating motion counts as irregular without a longer run.
 const FLOATING_CYCLES: u64 = 300;
-/// Mesh frequencies up to which spectra and modes are shown, where a study does not say.
+/// Default highest frequency of spectra and modes, in mesh frequencies.
 const HIGHEST: f64 = 7.0;
 
 impl Plan {
-    /// The reference planetary set, beside its published numbers.
+    /// Returns the study of the reference planetary set, with its published numbers.
     ///
     /// # Errors
-    /// [`StudyError`] never in fact: scenes and claims are part of the library.
+    /// [`StudyError`] never: scenes and claims are part of the library.
     pub fn reference() -> Result<Self, StudyError> {
         StudyFile::reference()?.plan()
     }
 
-    /// The same with one set of numbers for all figures, preset `reference`, and the ranges in which `flank fit` found them.
+    /// Returns the same with one set of numbers for all figures, preset `reference`, and the ranges in which `flank fit` found them.
     ///
     /// # Errors
-    /// [`StudyError`] never in fact.
+    /// [`StudyError`] never: they are part of the library.
     pub fn one_set() -> Result<Self, StudyError> {
         StudyFile::one_set()?.plan()
     }
 
-    /// The plan in a file, whose text is `text`; `read` gives the files that it names.
+    /// Returns the plan in a file, whose text is `text`; `read` returns the text of each file that it names.
     ///
     /// # Errors
     /// [`StudyError::File`] for a text that is no study.
@@ -91,11 +91,11 @@ impl Plan {
         StudyFile::read(text, read)?.plan()
     }
 
-    /// Plots of any scene. Loads and speeds reach from nothing (or a tenth) to twice the scene's own; plots
-    /// its train has no freedoms for are refused when they are asked for.
+    /// Returns plots of any scene. Loads and speeds range from zero (or a tenth) to twice the scene's own. A plot without the necessary
+    /// freedoms is refused on request.
     ///
     /// # Errors
-    /// [`StudyError`] never in fact: the plan is part of the library.
+    /// [`StudyError`] never: the plan is part of the library.
     pub fn of(scene: &Scene) -> Result<Self, StudyError> {
         let any = StudyFile::any()?.plan()?;
         let name = scene.given()["name"].as_str().unwrap_or(scene.name());
@@ -107,12 +107,12 @@ impl Plan {
         Self { title, scenes, sections, claims, load, speed, question: fit.map(Question::bounded), is_coarse: false }
     }
 
-    /// Its scenes with their names.
+    /// Returns its scenes with their names.
     pub fn scenes(&self) -> impl Iterator<Item = (&str, &Scene)> {
         self.scenes.iter().map(|(name, scene)| (name.as_str(), scene))
     }
 
-    /// The same study at other loads and speeds, where any are given; in rising order.
+    /// Returns the same study at other loads and speeds, if any are given; in rising order.
     #[must_use]
     pub fn varied(mut self, loads: Option<Vec<f64>>, speeds: Option<Vec<f64>>) -> Self {
         let (loads, speeds) = (loads.map(risen), speeds.map(risen));
@@ -129,14 +129,14 @@ impl Plan {
         self
     }
 
-    /// Kinds of its plots.
+    /// Returns the kinds of its plots.
     #[must_use]
     pub fn kinds(&self) -> Vec<Kind> {
         let all = self.sections.iter().flat_map(|section| &section.plots);
         all.map(|plot| plot.kind).collect()
     }
 
-    /// The scene called `name`, or the only one.
+    /// Returns the scene called `name`, or the only one.
     pub(super) fn scene(&self, name: &str) -> Result<&Scene, StudyError> {
         let named = self.scenes.iter().find(|(known, _)| known == name);
         named.map(|(_, scene)| scene).ok_or_else(|| {
@@ -153,17 +153,17 @@ impl Plan {
         })
     }
 
-    /// Load of a scene, the study's own or the train's usual one.
+    /// Returns the load of a scene, the study's own or the train's usual one.
     pub(super) fn load(&self, scene: &Scene) -> Result<Quantity, StudyError> {
         figures::quantity(scene, self.load.as_deref(), figures::load).ok_or_else(|| lacks(scene, "load"))
     }
 
-    /// Speed of a scene, likewise.
+    /// Returns the speed of a scene, the study's own or the train's usual one.
     pub(super) fn speed(&self, scene: &Scene) -> Result<Quantity, StudyError> {
         figures::quantity(scene, self.speed.as_deref(), figures::speed).ok_or_else(|| lacks(scene, "speed"))
     }
 
-    /// Values of a plot: the plan's, or those that fit the scene's own.
+    /// Returns the values of a plot: the plan's, or those that fit the scene's own.
     fn values(&self, plot: &Plot, scene: &Scene) -> Vec<f64> {
         if let Some(values) = &plot.values {
             return values.clone();
@@ -185,7 +185,7 @@ impl Plan {
         }
     }
 
-    /// Errors of the scenes at loads and speeds that they do not allow.
+    /// Returns the errors of the scenes at loads and speeds that they do not allow.
     #[must_use]
     pub fn refused(&self) -> Vec<SceneError> {
         let mut refused = Vec::new();
@@ -203,7 +203,7 @@ impl Plan {
         refused
     }
 
-    /// Number of scenes that are run for a plot, about; progress is counted in it.
+    /// Returns the approximate number of scenes run for a plot, the unit of progress.
     #[must_use]
     pub fn runs(&self, kind: Kind) -> usize {
         let Ok(plot) = self.plot(kind) else { return 0 };
@@ -222,8 +222,7 @@ impl Plan {
     /// Makes a plot.
     ///
     /// # Errors
-    /// [`StudyError`] of the runs, or of a scene without what the plot shows; [`StudyError::Interrupted`] once the task is
-    /// cancelled.
+    /// [`StudyError`] of the runs, or of a scene without data for the plot; [`StudyError::Interrupted`] once the task is cancelled.
     pub fn make(&self, kind: Kind, context: &Context<'_>) -> Result<Entry, StudyError> {
         if context.task.is_cancelled() {
             return Err(StudyError::Interrupted);
@@ -322,8 +321,8 @@ impl Plan {
         })
     }
 
-    /// Claims about a plot beside what it measured. They see `coarse` in a trial of a fit. In a study with numbers to find,
-    /// a claim is fitted to if a trial judges it.
+    /// Compares the claims about a plot with its measures. In a trial of a fit, `coarse` is true in them. In a study with numbers to find,
+    /// a claim is fitted if a trial judges it.
     fn compared(&self, kind: Kind, mut facts: Value) -> Result<Vec<Comparison>, StudyError> {
         if let Value::Object(facts) = &mut facts {
             facts.insert("coarse".to_owned(), self.is_coarse.into());
@@ -344,7 +343,7 @@ impl Plan {
         let (mut figure, curves) =
             figures::apart(context, scene, (Kind::ApartVsLoad.id(), self.is_coarse), (&load, loads))?;
         let stem = last_family(scene)?;
-        // The grid has found where to look: between its last load at which contact is lost and the next one.
+        // The grid gives the range of the search: between its last load at which contact is lost and the next one.
         let find = |by: By, time: fn(&ContactSteady) -> f64| {
             let last = figures::along(&curves[0], &stem, time).iter().rposition(|time| *time > 0.0);
             let bracket = last.and_then(|i| Some([loads[i], *loads.get(i + 1)?]));
@@ -370,7 +369,7 @@ impl Plan {
         Ok((figure, facts))
     }
 
-    /// Loads among which thresholds of a scene are sought.
+    /// Returns the range of loads in which thresholds of a scene are sought.
     pub(super) fn search(&self, scene: &Scene) -> Search {
         let loads = self.plot(Kind::ApartVsLoad).map_or_else(|_| Vec::new(), |plot| self.values(plot, scene));
         let ends = |pick: fn(f64, f64) -> f64, start: f64| loads.iter().copied().fold(start, pick);
@@ -380,7 +379,7 @@ impl Plan {
         Search { range: [low, high], scan: 13, resolution: if self.is_coarse { COARSE } else { FINE } * (high - low) }
     }
 
-    /// Puts published times without force into the panel of a family.
+    /// Adds published times without force to the panel of a family.
     fn publish(&self, figure: &mut Figure, family: &str) {
         let points = self.claims.points(&figure.id).cloned();
         if let (Some(Points { x, y }), Some(panel)) = (points, fraction_panel(figure, family)) {
@@ -388,7 +387,7 @@ impl Plan {
         }
     }
 
-    /// Where the source contradicts itself, from its own data.
+    /// Returns the contradictions within the source, by its own data.
     ///
     /// # Errors
     /// [`StudyError::Claim`] for a claim that cannot be evaluated.
@@ -398,7 +397,7 @@ impl Plan {
     }
 }
 
-/// The family of contacts whose loss of contact is looked at: the last one, as the ring's in a planetary stage.
+/// Returns the family of contacts whose loss of contact is studied: the last one, such as the ring's in a planetary stage.
 fn last_family(scene: &Scene) -> Result<String, StudyError> {
     let missing = || StudyError::missing(scene.name(), "it has no contact");
     let last = scene.built().spec.contacts.last().ok_or_else(missing)?;
@@ -420,14 +419,14 @@ fn evenly(from: f64, to: f64, count: u32) -> Vec<f64> {
     (0..count).map(|i| from + (to - from) * f64::from(i) / f64::from(count - 1)).collect()
 }
 
-/// In rising order, each once.
+/// Returns the values in rising order, each once.
 fn risen(mut values: Vec<f64>) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     values.dedup();
     values
 }
 
-/// At most `count` of the values, evenly picked, both ends among them.
+/// Returns at most `count` of the values, evenly selected, including both ends.
 fn thinned(values: &[f64], count: usize) -> Vec<f64> {
     if values.len() <= count || count < 2 {
         return values.to_vec();

@@ -1,4 +1,4 @@
-//! Numbers of scenes that published values give back.
+//! Numbers of scenes that follow from published values.
 
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
@@ -16,7 +16,7 @@ use crate::{output::Table, scene::Scene, task::Task};
 struct Question {
     /// Name of the scene.
     scene: String,
-    /// Each number in words, and as `flank identify` reads it.
+    /// Each number in words, and in the form of `flank identify`.
     vary: Vec<(String, String)>,
     targets: Vec<String>,
 }
@@ -26,11 +26,11 @@ struct Question {
 #[serde(deny_unknown_fields)]
 pub(super) struct Questions {
     title: String,
-    /// Words below the table, with expressions over what `all` came to.
+    /// Words below the table, with expressions over the results of `all`.
     note: String,
-    /// Each has one answer, compared with the scene.
+    /// Questions with one answer each, compared with the scene.
     questions: Vec<Question>,
-    /// All open numbers from all values.
+    /// Question of all open numbers from all values.
     all: Question,
 }
 

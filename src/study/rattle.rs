@@ -1,9 +1,10 @@
 //! Rattle threshold: the load at which the motion without loss of contact begins to lose it.
 //!
-//! The motion is followed from a load at which it keeps contact towards less load, each one started from the one before. Its margin is the least
-//! distance from the event over all contacts: `min δ − b` by deflection, the least force by force, `min δ + b` for the back flank. Where the motion
-//! is periodic and its margin tends to zero, the threshold is the root of the margin, which only motions with contact kept are used for: the
-//! graze itself. Contacts have compliant laws: a rigid one rests on its flank without a margin. Where the motion is lost before, by a jump, there is only a bracket. A bilateral mesh has the load at which it would part.
+//! The motion is followed from a load at which it keeps contact towards less load, each one started from the one before. Its margin is the
+//! least distance from the event over all contacts: `min δ − b` by deflection, the least force by force, `min δ + b` for the back flank. If
+//! the motion is periodic and its margin tends to zero, the threshold is the root of the margin: the graze itself. Only motions with
+//! contact kept are used for that root. If the motion ends before, by a jump, there is only a bracket. Contacts have compliant laws: a
+//! rigid one rests on its flank without a margin. A bilateral mesh has the load at which it would part.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -16,16 +17,16 @@ use crate::{orbit::Kind, scene::Scene, task::Task};
 
 /// Loads tried on the way down.
 const SCAN: usize = 48;
-/// Rounds of the root: a bracket is halved down to rounding in as many.
+/// Most rounds of the root search: as many halve a bracket down to rounding.
 const ROUNDS: usize = 64;
-/// Each round comes this much nearer to the root.
+/// Share of the distance to the root that each round leaves.
 const NEARER: f64 = 1e-2;
-/// Margin that is none, relative to that of the first motion.
+/// Margin that counts as zero, relative to that of the first motion.
 const NEGLIGIBLE: f64 = 1e-9;
-/// Accuracy of the root, relative.
+/// Relative accuracy of the root.
 const ACCURACY: f64 = 4e-15;
 
-/// Event that a threshold is of.
+/// Event of a threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
@@ -42,14 +43,14 @@ pub enum Loss {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Rattle {
-    /// The event is at no value tried.
+    /// The event occurs at no value tried.
     Never,
-    /// The event is at the largest value already.
+    /// The event occurs at the largest value already.
     Always {
         /// The largest value.
         value: f64,
     },
-    /// The motion grazes: below the value the event begins.
+    /// The motion grazes: the event begins below the value.
     Graze {
         /// The value.
         value: f64,
@@ -58,13 +59,13 @@ pub enum Rattle {
         /// Contact that grazes.
         contact: String,
     },
-    /// The motion jumps, or is not periodic, before it grazes: the event lies between two values.
+    /// The motion jumps, or is not periodic, before it grazes: the event begins between two values.
     Bracket {
         /// Largest value with the event.
         with: f64,
         /// Least value without it.
         without: f64,
-        /// Margin at the latter, m or N.
+        /// Margin at that value, m or N.
         margin: f64,
         /// Contact with this margin.
         contact: String,
@@ -73,7 +74,7 @@ pub enum Rattle {
     },
 }
 
-/// A motion without the event.
+/// Motion without the event.
 struct Kept {
     value: f64,
     margin: f64,
@@ -83,7 +84,7 @@ struct Kept {
     seed: Seed,
 }
 
-/// A search over the number at `pointer`, from the larger end of `range` down.
+/// Search over the number at `pointer`, downwards from the larger end of `range`.
 #[derive(Clone, Debug)]
 pub struct Search<'a> {
     /// The scene.
@@ -98,7 +99,7 @@ pub struct Search<'a> {
     pub rule: Rule,
 }
 
-/// The number that loads a train: JSON pointer and value. None if the train has no load of its own.
+/// Returns the load of a train: JSON pointer and value. None if the train has none.
 #[must_use]
 pub fn load_of(scene: &Scene) -> Option<(String, f64)> {
     let resolved = scene.resolved();
@@ -120,7 +121,7 @@ impl Search<'_> {
     /// Finds the threshold.
     ///
     /// # Errors
-    /// [`StudyError`]: a scene that does not hold at a value, a run that fails, an interruption.
+    /// [`StudyError`]: a scene that is invalid at a value, a run that fails, an interruption.
     pub fn run(&self, task: Task<'_>) -> Result<Rattle, StudyError> {
         let [low, high] = self.range;
         let Some(mut above) = self.at(high, None, task)? else { return Ok(Rattle::Always { value: high }) };
@@ -164,18 +165,17 @@ impl Search<'_> {
         }
     }
 
-    /// Tells that the scene's own start leads to a motion with the event, a thousandth of the range above the threshold: two motions are there, and
-    /// the one with the event ends elsewhere.
+    /// Returns whether a second motion, with the event, follows from the scene's start a thousandth of the range above the threshold.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// Errors of [`run`](Self::run).
     pub fn is_shared(&self, found: &Rattle, task: Task<'_>) -> Result<bool, StudyError> {
         let (Rattle::Graze { value, .. } | Rattle::Bracket { without: value, .. }) = found else { return Ok(false) };
         let [_, high] = self.range;
         Ok(self.at(value + 1e-3 * (high - value), None, task)?.is_none())
     }
 
-    /// The steady motion at a value, if it is without the event.
+    /// Returns the steady motion at a value, if it is without the event.
     fn at(&self, value: f64, seed: Option<&Seed>, task: Task<'_>) -> Result<Option<Kept>, StudyError> {
         let scene = self.scene.with(self.pointer, json!(value)).map_err(StudyError::from)?;
         let spec = &scene.built().spec;
@@ -198,7 +198,7 @@ impl Search<'_> {
         Ok(Some(Kept { value, margin, contact, is_periodic, motion: motion.kind.word().to_owned(), seed: end }))
     }
 
-    /// The root of the margin from two motions above it, or a bracket where the margin does not tend to zero.
+    /// Returns the root of the margin from two motions above it, or a bracket if the margin does not tend to zero.
     fn root(&self, first: Kept, second: Kept, lost: f64, task: Task<'_>) -> Result<Rattle, StudyError> {
         let reach = first.margin;
         let (mut a, mut b, mut lost) = (first, second, lost);

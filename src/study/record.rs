@@ -49,7 +49,7 @@ impl Recording {
 #[derive(Clone)]
 pub(super) struct Spell {
     pub mode: ContactMode,
-    /// When it began, s from the start of the recording.
+    /// Time of its beginning, s from the start of the recording.
     pub from: f64,
     pub to: f64,
     /// Force at its beginning, N.

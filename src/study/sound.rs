@@ -1,4 +1,4 @@
-//! The sound of impacts: impulses at their exact times through a modal transfer path.
+//! Sound of impacts: impulses at their exact times through a modal transfer path.
 //!
 //! An impact of momentum p at `t₀` adds `p Σ_k a_k exp(−ζ_k ω_k (t − t₀)) sin(ω_k √(1 − ζ_k²) (t − t₀))` for `t ≥ t₀`. The sum is formed sample by sample as
 //! one turning pointer for each mode, which an impact enters at its own time between two samples: no time is rounded to a sample.
@@ -41,7 +41,7 @@ pub struct TransferPath {
 }
 
 impl TransferPath {
-    /// A placeholder: no measured gearbox, but the same one for all designs.
+    /// Returns a placeholder: no measured gearbox, but equal for all designs.
     #[must_use]
     pub fn placeholder() -> Self {
         let mode = |(frequency_hz, amplitude)| PathMode { frequency_hz, damping_ratio: 0.02, amplitude };
@@ -77,7 +77,7 @@ impl TransferPath {
     }
 }
 
-/// An impact as it is heard.
+/// Impact in the sound.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Blow {
     /// Time from the beginning of the sound, s.
@@ -104,7 +104,7 @@ pub fn impacts(simulation: &Simulation, seconds: f64, task: Task<'_>) -> Result<
                 let contact = &structure.contacts()[event.mesh];
                 let rigid = event.blows.and(event.impulse).map(f64::abs);
                 let momentum = rigid.unwrap_or(contact.effective_mass() * speed);
-                // The clock keeps digits that seconds since the start of a long run do not.
+                // The clock keeps digits that are lost in seconds since the start of a long run.
                 let at = clock.at(row.n, row.phase);
                 blows.push(Blow { time: clock.between(from, at), momentum });
             }
@@ -119,7 +119,7 @@ pub fn impacts(simulation: &Simulation, seconds: f64, task: Task<'_>) -> Result<
     Ok(blows)
 }
 
-/// Breaks a run off once its task is cancelled.
+/// Observer that interrupts a run once its task is cancelled.
 struct Listener<'a>(Task<'a>);
 
 impl Observer for Listener<'_> {
@@ -128,12 +128,12 @@ impl Observer for Listener<'_> {
     }
 }
 
-/// Samples of a part of the spectrum: 6 Hz apart.
+/// Samples of a part of the spectrum, whose bins are 6 Hz apart.
 const PART: usize = 8192;
 /// Ends of the spectrum, Hz, and the lowest level drawn, dB below the highest.
 const SHOWN: ([f64; 2], f64) = ([50.0, 20_000.0], 100.0);
 
-/// The picture of the spectrum of a sound, in dB re full scale: powers of parts with a Hann window, averaged (Welch's method).
+/// Draws the spectrum of a sound, in dB re full scale: powers of parts with a Hann window, averaged (Welch's method).
 #[must_use]
 pub fn spectrum(samples: &[f64], path: &TransferPath) -> Figure {
     let parts: Vec<Spectrum> =
@@ -166,7 +166,7 @@ pub fn spectrum(samples: &[f64], path: &TransferPath) -> Figure {
 /// Renders impacts through a path: samples from time 0 on, `seconds` long.
 #[must_use]
 pub fn render(blows: &[Blow], path: &TransferPath, seconds: f64) -> Vec<f64> {
-    // OK to convert: a sound fits into memory.
+    // Exact: a sound fits into memory.
     let count = (seconds * f64::from(RATE)).round() as usize;
     let step = f64::from(RATE).recip();
     let mut samples = vec![0.0; count];

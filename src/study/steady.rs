@@ -1,4 +1,4 @@
-//! The steady motion of a scene, measured.
+//! Steady motion of a scene, with its measures.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,19 +17,19 @@ use crate::{
     task::Task,
 };
 
-/// When the transient is over, and how much is measured then.
+/// Rule for the end of the transient, with the numbers of cycles measured after it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rule {
-    /// When the motion counts as periodic.
+    /// Criterion for a periodic motion.
     #[serde(flatten)]
     pub approach: Approach,
-    /// Whether a motion that approaches no orbit is run on until its kind is decided: some thousand cycles.
+    /// True if a motion that approaches no orbit is run on until its kind is decided: some thousand cycles.
     pub decides: bool,
-    /// Cycles measured of a periodic motion, at least; whole periods.
+    /// Least number of cycles measured of a periodic motion; whole periods.
     pub measured_cycles: u64,
     /// Cycles measured of an irregular motion.
     pub irregular_cycles: u64,
-    /// Cycles by which the kind of a motion without an orbit is decided, at most, but 2000 at least; as many as it takes, if none.
+    /// Most cycles that decide on the kind of a motion without an orbit, at least 2000; without limit if none.
     #[serde(skip)]
     pub watched_cycles: Option<u64>,
 }
@@ -37,7 +37,7 @@ pub struct Rule {
 impl Rule {
     fn watching(&self) -> Watching {
         let usual = Watching::default();
-        // Averages over fewer cycles than the usual first ones decide nothing.
+        // Averages over fewer cycles than the usual first ones do not decide.
         let most = self.watched_cycles.unwrap_or(u64::MAX);
         Watching { doublings: usual.doublings.min((most / usual.cycles).max(1).ilog2()), ..usual }
     }
@@ -55,7 +55,7 @@ impl Default for Rule {
     }
 }
 
-/// The state of one run, from which another one can start.
+/// State of one run, from which another one can start.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seed {
     /// State `(q, q̇, latched speeds)` at the start of a cycle, SI units.
@@ -65,21 +65,21 @@ pub struct Seed {
 }
 
 impl Seed {
-    /// What another run of `structure` takes up from `state`.
+    /// Returns the seed of another run of `structure` from `state`.
     pub(super) fn of(structure: &Structure, state: &State) -> Self {
         let contacts = (0..structure.contact_count()).map(|j| structure.contact_mode(j, &state.jump.mode)).collect();
         Self { x: state.x.clone(), contacts }
     }
 }
 
-/// A steady motion.
+/// Steady motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Steady {
     /// Forcing period, s.
     pub period_s: f64,
-    /// What it is, and when that was known.
+    /// Kind of the motion, and the cycles until it was known.
     pub motion: Motion,
-    /// Whether it took up the seed's motion; a seed that does not fit is left, and the scene's own start taken.
+    /// True if it started from the seed; a seed that does not fit is dropped, and the scene's own start is used.
     pub seeded: bool,
     /// Cycles measured.
     pub measured_cycles: u64,
@@ -91,7 +91,7 @@ pub struct Steady {
     pub contacts: Vec<ContactSteady>,
     /// Forces of the bearings.
     pub bearings: Vec<BearingReport>,
-    /// Its end, at the start of a cycle.
+    /// Final state, at the start of a cycle.
     #[serde(skip)]
     pub end: Seed,
 }
@@ -106,7 +106,7 @@ pub struct ContactSteady {
     pub transmission_mean: f64,
     /// RMS value of its difference from the mean, m.
     pub transmission_rms: f64,
-    /// Its largest less its smallest value, m.
+    /// Difference of its largest and smallest values, m.
     pub transmission_peak_to_peak: f64,
     /// Half the difference of largest and smallest force, N.
     pub force_amplitude: f64,
@@ -117,34 +117,34 @@ pub struct ContactSteady {
 }
 
 impl Steady {
-    /// The first contact whose name starts with `stem`.
+    /// Returns the first contact whose name starts with `stem`.
     #[must_use]
     pub fn contact(&self, stem: &str) -> Option<&ContactSteady> {
         self.contacts.iter().find(|contact| contact.report.name.starts_with(stem))
     }
 
-    /// The same, where `scene` has to have it.
+    /// Returns the same contact; an error if `scene` does not have it.
     pub(super) fn expect(&self, stem: &str, scene: &Scene) -> Result<&ContactSteady, StudyError> {
         let missing = || StudyError::missing(scene.name(), format!("it has no contact {stem}"));
         self.contact(stem).ok_or_else(missing)
     }
 }
 
-/// Samples of the force a cycle.
+/// Samples of the force per cycle.
 const PER_CYCLE: u32 = 256;
-/// Cycles that are run at least where a cycle is several periods of the scene's clock: until an orbit is found, and for a first average.
+/// Least number of cycles run if a cycle has several periods of the scene's clock: until an orbit is found, and for a first average.
 const COMMON_CYCLES: u64 = 8;
 const WATCHED_COMMON_CYCLES: u64 = 200;
-/// Periods of the clock up to which a common cycle of all forcing is waited for. Longer ones are treated as a torus: an orbit needs several
-/// cycles to be found, and its word and sections fill the row.
+/// Periods of the clock in the longest common cycle of all forcing that is followed. Longer ones are treated as a torus: an orbit needs
+/// several cycles to be found, and its word and sections fill the row.
 const LONGEST: u64 = 1000;
-/// Harmonics kept.
+/// Number of harmonics.
 const HARMONICS: usize = 8;
 
-/// Runs `scene` until its transient is over, and measures what is left.
+/// Runs `scene` until its transient is over, and measures the steady motion.
 ///
-/// With a seed, the motion starts from there (at the start of the scene's first cycle), so that a branch of solutions
-/// is followed through changes of the scene.
+/// With a seed, the motion starts from there (at the start of the scene's first cycle). A branch of solutions can so be followed through
+/// changes of the scene.
 ///
 /// # Errors
 /// [`StudyError`]; [`StudyError::Interrupted`] once `task` is cancelled.
@@ -159,7 +159,7 @@ pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: T
     let mut check = verifier(&start);
     let steady = transient(&common, start, rule, &mut check, task).and_then(|(mut engine, motion)| {
         if motion.period.is_some() {
-            // It goes on from the orbit, where the run has not been.
+            // The motion continues from the orbit, a state that the run has not passed.
             check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
             check = verifier(engine.state());
         }
@@ -168,24 +168,24 @@ pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: T
             check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
             return Ok(steady);
         }
-        // Measures are by periods of the scene's clock. The forcing is that of its first cycle.
+        // Measures refer to periods of the scene's clock. The forcing is that of its first cycle.
         let section = SectionMap::new(&common)?.section(engine.state());
         let start = SectionMap::new(&scene)?.state(&section)?;
         let mut check = scene.settings.verify.then(|| scene.verifier(&start));
         let measured = measure(&scene, &mut scene.engine(start)?, motion, (seeded, rule), &mut check, task);
         check.and_then(|check| check.difference()).map_or(measured, |difference| Err(difference.into()))
     });
-    // A difference breaks the run off: it is the reason for what else went wrong.
+    // A difference breaks the run off, and is the reason for any other error.
     check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
 }
 
-/// Reason not to wait for the cycle of all forcing, if it is long.
+/// Returns the reason against following the cycle of all forcing, if it is long.
 fn long_cycle(simulation: &Simulation) -> Option<String> {
     let periods = simulation.structure.common_cycle().ok().filter(|periods| *periods > LONGEST)?;
     Some(format!("all forcing repeats after {periods} cycles only, more than {LONGEST}: its cycle is not waited for"))
 }
 
-/// The steady motion under forcing that repeats too late to be followed over its cycle.
+/// Returns the steady motion under forcing whose cycle is too long to be followed.
 fn on_torus(
     simulation: &Simulation,
     seed: Option<&Seed>,
@@ -200,7 +200,7 @@ fn on_torus(
     check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
 }
 
-/// An engine on a motion whose forcing repeats too late, and what it is.
+/// Returns an engine on a motion whose forcing repeats too late, and the kind of that motion.
 fn along_torus<'c>(
     simulation: &'c Simulation,
     start: State,
@@ -221,7 +221,7 @@ fn along_torus<'c>(
     Ok((engine, motion))
 }
 
-/// Measures of an orbit over its period.
+/// Returns the measures of an orbit over its period.
 pub(super) fn of_orbit(
     simulation: &Simulation,
     section: &Section,
@@ -234,12 +234,12 @@ pub(super) fn of_orbit(
     measure(simulation, &mut engine, motion, (true, &rule), &mut (), task)
 }
 
-/// The window that spectra of a motion want, taken over whole cycles (and periods).
+/// Returns the window for spectra of a motion that are taken over whole cycles (and periods).
 pub(super) fn window(motion: &Motion) -> Window {
     if motion.period.is_some() { Window::Rectangular } else { Window::Hann }
 }
 
-/// An engine whose transient is over, what it has come to as `rule` decides, and whether it started from the seed.
+/// Returns an engine whose transient is over, the motion that it has reached by `rule`, and whether it started from the seed.
 pub(super) fn settled<'c>(
     simulation: &'c Simulation,
     seed: Option<&Seed>,
@@ -254,7 +254,7 @@ pub(super) fn settled<'c>(
     Ok((engine, motion, seeded))
 }
 
-/// Where a run starts, and whether that is the seed.
+/// Returns the start of a run, and whether it is the seed.
 fn start(simulation: &Simulation, seed: Option<&Seed>) -> Result<(State, bool), StudyError> {
     simulation.period()?;
     let start = seed.and_then(|seed| resumed(simulation, seed));
@@ -296,12 +296,12 @@ pub(super) fn resumed(simulation: &Simulation, seed: &Seed) -> Option<State> {
     Some(State { at, x: start.x, jump: start.jump })
 }
 
-/// Why a run ended before its end: the only observers that break it off do so on interruption.
+/// Returns the error of a run that ended early: observers break it off on interruption alone, else the event budget is spent.
 fn broken(engine: &Engine<'_>, task: Task<'_>) -> StudyError {
     if task.is_cancelled() { StudyError::Interrupted } else { StudyError::Budget { cycle: engine.state().at.cycle } }
 }
 
-/// Runs on for whole cycles.
+/// Runs further whole cycles.
 pub(super) fn go_on(
     engine: &mut Engine<'_>,
     clock: &Clock,
@@ -312,7 +312,7 @@ pub(super) fn go_on(
     until(engine, cycles_later(clock, engine.state().at, cycles), observer, task)
 }
 
-/// Runs on until `end`.
+/// Runs further until `end`.
 pub(super) fn until(
     engine: &mut Engine<'_>,
     end: Instant,

@@ -81,10 +81,10 @@ impl SteadySweep {
         Ok(sweep)
     }
 
-    /// The same with these measures of contacts and bearings in its table, by their names without unit; the usual ones if there are none.
+    /// Returns it with these measures of contacts and bearings in its table, by names without unit; the usual ones if there are none.
     ///
     /// # Errors
-    /// Names that are none.
+    /// Faults of names that no measure has.
     pub fn with_columns(mut self, names: &[impl AsRef<str>]) -> Result<Self, Vec<Fault>> {
         self.measures = Measures::named(names)?;
         Ok(self)
@@ -107,7 +107,7 @@ impl SteadySweep {
         &self.plan
     }
 
-    /// What identifies the sweep: a journal with another header is not gone on with.
+    /// Returns the data that identify the sweep: a journal with another header is not continued.
     #[must_use]
     pub fn header(&self) -> Map<String, Value> {
         let mut header = self.plan.header();
@@ -126,7 +126,7 @@ impl SteadySweep {
         Journal::open_for(SWEEP, folder, (begin, share), self.header(), &self.plan)
     }
 
-    /// The journals of so many parts, which are in `folders`, as that of an undivided run, to be finished in `out`.
+    /// Merges the journals of the parts in `folders` into that of an undivided run, to be finished in `out`.
     ///
     /// # Errors
     /// As [`Records::merged`](crate::sweep::Records::merged).
@@ -181,7 +181,7 @@ impl SteadySweep {
         journal.finish(&self.plan, &columns, |steady| cells(steady, &measures), draw)
     }
 
-    /// Tells that its scene has no units.
+    /// Returns whether its scene is dimensionless.
     #[must_use]
     pub fn dimensionless(&self) -> bool {
         self.dimensionless

@@ -1,4 +1,4 @@
-//! The largest value of a number at which a mesh still loses contact: a root in the parameter, not a point of a grid.
+//! Largest value of a number at which a mesh still loses contact: a root in the parameter, not a point of a grid.
 
 use serde::Serialize;
 use serde_json::json;
@@ -6,16 +6,16 @@ use serde_json::json;
 use super::{StudyError, figures::Context};
 use crate::scene::Scene;
 
-/// By what a mesh loses contact.
+/// Criterion for the loss of contact of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum By {
-    /// It leaves its flank: [`apart_time`](crate::analysis::ContactReport::apart_time) > 0.
+    /// The mesh leaves its flank: [`apart_time`](crate::analysis::ContactReport::apart_time) > 0.
     Deflection,
-    /// It carries no force for a time, at its flank or off it: [`no_force_time`](crate::analysis::ContactReport::no_force_time) > 0.
+    /// The mesh carries no force for a time: [`no_force_time`](crate::analysis::ContactReport::no_force_time) > 0.
     Force,
 }
 
-/// Where to look.
+/// Range and resolution of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Search {
     /// Smallest and largest value.
@@ -26,7 +26,7 @@ pub struct Search {
     pub resolution: f64,
 }
 
-/// What was found.
+/// Result of a search.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Threshold {
@@ -43,8 +43,8 @@ pub enum Threshold {
         below: f64,
         /// Contact is kept here.
         above: f64,
-        /// Smallest deflection from the flank at `below`, m; by deflection it is < 0: near zero where the flight shrinks to nothing,
-        /// finite where the motion that flies disappears at once.
+        /// Smallest deflection from the flank at `below`, m. By deflection it is < 0: near zero if the flight shrinks to zero, finite if
+        /// the motion with flight disappears at once.
         clearance_below: f64,
         /// Smallest deflection at `above`, m, ≥ 0.
         clearance_above: f64,
@@ -52,7 +52,7 @@ pub enum Threshold {
 }
 
 impl Threshold {
-    /// Middle of the bracket, or the largest value where the threshold lies beyond it.
+    /// Returns the middle of the bracket, or the largest value if the threshold lies beyond it.
     pub fn middle(&self) -> Option<f64> {
         match *self {
             Self::Beyond { value } => Some(value),
@@ -60,14 +60,14 @@ impl Threshold {
         }
     }
 
-    /// Middle of the bracket.
+    /// Returns the middle of the bracket.
     pub(super) fn located(&self) -> Option<f64> {
         if let Self::Located { below, above, .. } = self { Some(0.5 * (below + above)) } else { None }
     }
 }
 
-/// The largest value of the number at `pointer` at which the contact whose name starts with `stem` loses contact, by `by`, in the
-/// steady motion, each motion from the scene's own start: scanned from above, then bisected.
+/// Returns the largest value of the number at `pointer` at which the contact whose name starts with `stem` loses contact, by `by`. Each
+/// steady motion is from the scene's own start; values are scanned from above, then bisected.
 pub fn locate(
     context: &Context<'_>,
     scene: &Scene,
@@ -75,7 +75,7 @@ pub fn locate(
     (stem, by): (&str, By),
     search: &Search,
 ) -> Result<Threshold, StudyError> {
-    // The sign of the clearance is the event; its size tells how it comes about.
+    // The sign of the clearance decides on the event; its size shows the kind of the change.
     let clearance = |value: f64| {
         let steady = context.steady(&scene.with(pointer, json!(value))?, None)?;
         let contact = steady.expect(stem, scene)?;

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{output::Table, scene::Scene, system::equilibrium, train::TrainError};
 
-/// Numbers of runs, and what another implementation found.
+/// Runs, with numbers by another implementation.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Values {
@@ -26,7 +26,7 @@ pub(super) struct Values {
     runs: Vec<Run>,
 }
 
-/// One run and what is read from it.
+/// One run, with its rows.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Run {
@@ -35,25 +35,25 @@ struct Run {
     #[serde(default)]
     with: Map<String, Value>,
     measure: Measure,
-    /// Quantity, expected, tolerance, and an expression for what Flank finds.
+    /// Rows: quantity, expected value, tolerance, and an expression for Flank's value.
     rows: Vec<(String, f64, f64, String)>,
 }
 
 #[derive(Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Measure {
-    /// `forces` at rest.
+    /// Forces at rest, `forces`.
     Rest,
-    /// The steady motion of each family of contacts.
+    /// Steady motion of each family of contacts.
     Steady,
-    /// The `load` up to which the meshes of a family leave their flanks, among these loads.
+    /// Largest `load` at which the meshes of a family leave their flanks, among these loads.
     Threshold { contact: String, loads: [f64; 2] },
-    /// The paths of centres, by the name of the gear.
+    /// Paths of centres, by the name of the gear.
     Paths,
 }
 
 impl Values {
-    /// All numbers, as a table.
+    /// Returns all numbers, as a table.
     pub fn compared(&self, context: &Context<'_>, plan: &Plan) -> Result<Table, StudyError> {
         let rows = context.each(&self.runs, |run| {
             let scene = plan.scene(&run.scene)?;
@@ -80,7 +80,7 @@ impl Values {
     }
 }
 
-/// A number to six decimals, without zeros at its end.
+/// Returns a number to six decimals, without zeros at its end.
 fn short(number: f64) -> String {
     format!("{number:.6}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use crate::output::{Fault, OutputError};
 
-/// Axes that make no grid, with everything that is wrong with them.
+/// Axes that make no grid, with all their faults.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the axes cannot be used{}", self.0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
 pub struct GridError(
@@ -10,30 +10,30 @@ pub struct GridError(
     pub Vec<Fault>,
 );
 
-/// Why a sweep cannot start, go on or be kept.
+/// Error at the start or resumption of a sweep, or in its storage.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SweepError {
-    /// A new sweep was asked for in a folder that holds an unfinished one.
+    /// A new sweep was requested in a folder that holds an unfinished one.
     #[error("{0} holds rows of a command that has not finished")]
     Unfinished(PathBuf),
-    /// What lies in the folder belongs to another sweep.
+    /// The folder holds files of another sweep.
     #[error("{path} holds other work{}", differences.iter().map(|d| format!("\n  {d}")).collect::<String>())]
     Mismatch {
         /// The folder.
         path: PathBuf,
-        /// What differs, one entry each: name, what it was, what it is now.
+        /// Differences, one entry each: name, stored value, present value.
         differences: Vec<String>,
     },
-    /// The header of a file is not what a command wrote.
+    /// The header of a file is not one of a command.
     #[error("{path} is damaged: {reason}")]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// Fault of the file.
         reason: String,
     },
-    /// Parts that cannot be merged, and all that is wrong with them.
+    /// Parts that cannot be merged, with all their faults.
     #[error("the parts cannot be merged{}", .0.iter().map(|fault| format!("\n  {fault}")).collect::<String>())]
     Parts(Vec<String>),
     /// The folder cannot be written into, or a file cannot be read or written.

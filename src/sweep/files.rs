@@ -17,7 +17,7 @@ use crate::output::{Folder, OutputError, csv_line, failed, label, number, part};
 const TABLE: &str = "sweep.csv";
 const ROWS: &str = "sweep.jsonl";
 
-/// How many rows a sweep has, and how many of them failed.
+/// Number of rows of a sweep, and of those that failed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Tally {
     /// Rows.
@@ -46,14 +46,14 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     ///
     /// - `sweep.csv`: values, direction, `columns` filled by `cells`, error;
     /// - `sweep.jsonl`: the same with the whole of each row;
-    /// - what `picture` writes;
-    /// - `sweep.json`: what the sweep was, and how many rows failed. It is written last: where it is, the others are whole.
+    /// - files of `picture`;
+    /// - `sweep.json`: settings of the sweep, and number of failed rows. It is written last: if it exists, the others are complete.
     ///
     /// # Errors
-    /// [`SweepError::Output`] if a file cannot be read or written; the journal stays then.
+    /// [`SweepError::Output`] if a file cannot be read or written; the journal is kept then.
     ///
     /// # Panics
-    /// If a row is missing, or if `cells` does not give as many cells as there are columns.
+    /// Panics if a row is missing, or if the number of `cells` differs from that of the columns.
     pub fn finish(
         mut self,
         plan: &Plan,
@@ -99,12 +99,12 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
 /// SHA-256 of files by name.
 type Sums = BTreeMap<String, String>;
 
-/// CRC-32 of the entries of a seal, in compact form, hexadecimal.
+/// Returns the CRC-32 of the entries of a seal, in compact form, hexadecimal.
 pub(super) fn own_sum(seal: &Map<String, Value>) -> String {
     format!("{:08x}", crc32fast::hash(Value::from(seal.clone()).to_string().as_bytes()))
 }
 
-/// The header of finished work, and the checksums of its files.
+/// Returns the header of finished work, and the checksums of its files.
 pub(super) fn header_of(folder: &Path, seal: &str) -> Result<(Map<String, Value>, Sums), SweepError> {
     let path = folder.join(seal);
     let text = fs::read(&path).map_err(failed(&path))?;
@@ -121,7 +121,7 @@ pub(super) fn header_of(folder: &Path, seal: &str) -> Result<(Map<String, Value>
     Ok((header, sums))
 }
 
-/// SHA-256 of a file, hexadecimal.
+/// Returns the SHA-256 of a file, hexadecimal.
 pub(super) fn sum(path: &Path) -> Result<String, OutputError> {
     let mut hash = Sha256::new();
     let mut file = File::open(path).map_err(failed(path))?;
@@ -135,7 +135,7 @@ pub(super) fn sum(path: &Path) -> Result<String, OutputError> {
     Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// A file that is being written beside the place it is meant for.
+/// File that is written beside its final place.
 pub(super) struct Part {
     path: PathBuf,
     file: BufWriter<File>,
@@ -153,7 +153,7 @@ impl Part {
         self.file.write_all(text.as_bytes()).map_err(failed(&self.path))
     }
 
-    /// Puts the file in its place, once it is safe on disk.
+    /// Moves the file to its place, once it is safe on disk.
     pub(super) fn publish(mut self) -> Result<(), OutputError> {
         let safe = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
         safe.and_then(|()| fs::rename(part(&self.path), &self.path)).map_err(failed(&self.path))

@@ -3,17 +3,17 @@ use serde::Serialize;
 use super::GridError;
 use crate::output::Fault;
 
-/// Values of an axis, and points of a grid, at most.
+/// Most values of an axis, and points of a grid.
 const MOST: usize = 1_000_000;
 const MOST_POINTS: usize = 1_000_000_000;
 /// Largest number on an axis; weighted with its count it is still a double.
 const LARGEST: f64 = 1e300;
-/// Smallest step of a range, of its larger end; values have 15 digits.
+/// Smallest step of a range, relative to its larger end; values have 15 digits.
 const CLOSEST: f64 = 1e-12;
-/// How an axis is written.
+/// Text form of an axis.
 const FORM: &str = "POINTER=FROM:TO:COUNT, POINTER=FROM:TO:COUNT:log or POINTER=V1,V2,…";
 
-/// How the values of a range lie.
+/// Spacing of the values of a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum Spacing {
@@ -23,28 +23,28 @@ enum Spacing {
     Geometric,
 }
 
-/// The values of an axis, as written.
+/// Values of an axis, as written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 enum Values {
-    /// `count` values, the first `from`, the last `to`.
+    /// Range of `count` values, the first `from`, the last `to`.
     Range {
         from: f64,
-        /// Not `from`.
+        /// Last value, other than `from`.
         to: f64,
-        /// At least 2.
+        /// Number of values, at least 2.
         count: usize,
-        /// Geometric ranges have ends of one sign.
+        /// Spacing; geometric ranges have ends of one sign.
         spacing: Spacing,
     },
-    /// Values written out, at least one, in the order they are visited upwards.
+    /// Listed values, at least one, in the order of upward visits.
     List { values: Vec<f64> },
 }
 
-/// A number that is varied: its place, and the values it takes.
+/// Number that is varied, with the values it takes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Axis {
-    /// Where it stands, a JSON pointer such as `/train/speed_rpm`.
+    /// JSON pointer to the number, such as `/train/speed_rpm`.
     pub pointer: String,
     #[serde(flatten)]
     values: Values,
@@ -56,7 +56,7 @@ impl Axis {
     /// # Errors
     /// Every fault found.
     pub fn parse(text: &str) -> Result<Self, Vec<Fault>> {
-        // Numbers have no equals sign, keys may.
+        // Numbers contain no equals sign, keys may.
         let Some((pointer, values)) = text.rsplit_once('=') else {
             return Err(vec![Fault::new(text, "no equals sign", FORM)]);
         };
@@ -73,7 +73,7 @@ impl Axis {
         }
     }
 
-    /// How many values; one at least.
+    /// Returns the number of values; one at least.
     #[must_use]
     pub fn count(&self) -> usize {
         match &self.values {
@@ -82,33 +82,33 @@ impl Axis {
         }
     }
 
-    /// Whether its values have equal ratios.
+    /// Returns whether its values have equal ratios.
     #[must_use]
     pub fn is_geometric(&self) -> bool {
         matches!(self.values, Values::Range { spacing: Spacing::Geometric, .. })
     }
 
-    /// Whether its values were written out one by one.
+    /// Returns whether its values were listed.
     #[must_use]
     pub fn is_list(&self) -> bool {
         matches!(self.values, Values::List { .. })
     }
 
-    /// All its values.
+    /// Returns all its values.
     #[must_use]
     pub fn all(&self) -> Vec<f64> {
         (0..self.count()).map(|i| self.value(i)).collect()
     }
 
-    /// Value `i` of n, from 0:
+    /// Returns value `i` of n, from 0:
     ///
     /// ```text
     /// linear      v_i = (from (n − 1 − i) + to i) / (n − 1)
     /// geometric   v_i = ± 10^((lg |from| (n − 1 − i) + lg |to| i) / (n − 1))
     /// ```
     ///
-    /// with the ends as they were given, the others rounded in the 15th digit (of the larger end; of the value itself, for
-    /// equal ratios), so that 0.1 is the double a scene has for 0.1. Written from the other end a range has the same values.
+    /// The ends are exact, the others rounded in the 15th digit (of the larger end; of the value itself, for equal ratios), so that 0.1 is
+    /// the double of 0.1 in a scene. A range from the other end has the same values.
     ///
     /// # Panics
     /// If `i` is not below the number of values of a list.
@@ -134,7 +134,7 @@ impl Axis {
     }
 }
 
-/// `value`, rounded in the 15th digit of `scale` > 0, the last that every double holds.
+/// Returns `value`, rounded in the 15th digit of `scale` > 0, the last that every double holds.
 fn rounded(value: f64, scale: f64) -> f64 {
     // The sum makes the zero positive.
     let decimals = 14 - libm::log10(scale).floor() as i64;
@@ -142,7 +142,7 @@ fn rounded(value: f64, scale: f64) -> f64 {
     text.and_then(|text| text.parse().ok()).unwrap_or(value) + 0.0
 }
 
-/// A number of an axis; notes the fault if it is none.
+/// Returns a number of an axis; adds a fault if it is none.
 fn finite(argument: &str, word: &str, faults: &mut Vec<Fault>) -> Option<f64> {
     let value = word.trim().parse::<f64>().ok().filter(|value| value.abs() <= LARGEST);
     if value.is_none() {
@@ -187,7 +187,7 @@ fn range(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Values> 
     Some(Values::Range { from, to, count: count?, spacing })
 }
 
-/// One or two axes; the last one runs fastest.
+/// One or two axes; the last one varies fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     axes: Vec<Axis>,
@@ -203,10 +203,10 @@ impl Grid {
         Self::parse_up_to(texts, MOST_POINTS)
     }
 
-    /// The same with at most so many points.
+    /// Reads the axes, with at most `most` points.
     ///
     /// # Errors
-    /// As [`parse`](Self::parse).
+    /// Errors of [`parse`](Self::parse).
     pub fn parse_up_to(texts: &[impl AsRef<str>], most: usize) -> Result<Self, GridError> {
         let (mut axes, mut faults) = (Vec::<Axis>::new(), Vec::new());
         for text in texts {
@@ -233,31 +233,31 @@ impl Grid {
         if faults.is_empty() { Ok(Self { axes }) } else { Err(GridError(faults)) }
     }
 
-    /// The axes.
+    /// Returns the axes.
     #[must_use]
     pub fn axes(&self) -> &[Axis] {
         &self.axes
     }
 
-    /// How many points; one at least.
+    /// Returns the number of points; one at least.
     #[must_use]
     pub fn points(&self) -> usize {
         self.axes.iter().map(Axis::count).product()
     }
 
-    /// The place of `values` in words: a pointer and a value for each axis.
+    /// Returns the place of `values` in words: a pointer and a value for each axis.
     #[must_use]
     pub fn place(&self, values: &[f64]) -> String {
         let at = self.axes.iter().zip(values).map(|(axis, value)| format!("{} = {value}", axis.pointer));
         at.collect::<Vec<_>>().join(", ")
     }
 
-    /// Points along the last axis.
+    /// Returns the points along the last axis.
     pub(super) fn line(&self) -> usize {
         self.axes.last().map_or(1, Axis::count)
     }
 
-    /// Index on every axis of point `i`, in the order of the axes.
+    /// Returns the index on every axis of point `i`, in the order of the axes.
     #[must_use]
     pub fn indices(&self, mut i: usize) -> Vec<usize> {
         let mut indices: Vec<usize> = Vec::with_capacity(self.axes.len());
@@ -269,7 +269,7 @@ impl Grid {
         indices
     }
 
-    /// Value on every axis of point `i`.
+    /// Returns the value on every axis of point `i`.
     #[must_use]
     pub fn values(&self, i: usize) -> Vec<f64> {
         self.axes.iter().zip(self.indices(i)).map(|(axis, at)| axis.value(at)).collect()

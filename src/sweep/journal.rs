@@ -13,19 +13,19 @@ use super::{
 };
 use crate::output::{Folder, OutputError, Request, failed};
 
-/// How a sweep begins.
+/// Start of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Begin {
-    /// In a folder that is empty, or not there.
+    /// Starts in a folder that is empty or does not exist.
     New,
-    /// Anew, in any folder; what its manifest names is removed.
+    /// Starts anew in any folder; files in its manifest are removed.
     Replace,
-    /// Where an earlier one was broken off; from the start if there is none.
+    /// Resumes after the last row of an interrupted sweep; starts anew if there is none.
     Resume,
 }
 
 impl Begin {
-    /// What a sweep that begins so writes into `folder`; nothing of `input` is replaced.
+    /// Returns the request for the output files in `folder`; the file `input` is never replaced.
     #[must_use]
     pub fn request<'a>(self, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
         SWEEP.request(self, folder, input)
@@ -36,22 +36,22 @@ impl Begin {
 pub(crate) const SWEEP: Kept =
     Kept { command: "sweep", files: &["sweep.journal", "sweep.json", "sweep.csv", "sweep.jsonl"] };
 
-/// A row that has been computed: its result and its end, from which the neighbour may start, or why it failed.
+/// Computed row: its result and its end, from which the neighbour may start, or its failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Outcome<R, S> {
-    /// It was computed.
+    /// Success.
     Done {
         /// The row.
         result: R,
-        /// Where it ended; the neighbour may start there.
+        /// End of the row, from which the neighbour may start.
         end: S,
     },
-    /// It failed, and why. The neighbour starts fresh.
+    /// Failure, with its reason. The neighbour starts fresh.
     Failed(String),
 }
 
-/// The rows of a sweep as they finish: [`Records`] that hold the result and the end of each row as JSON.
+/// Rows of a sweep as they finish: [`Records`] that hold the result and the end of each row as JSON.
 #[derive(Debug)]
 pub struct Journal<R, S> {
     pub(super) records: Records,
@@ -60,11 +60,11 @@ pub struct Journal<R, S> {
 }
 
 impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R, S> {
-    /// Opens the journal of a sweep over `plan` in `folder`, created if need be. `header` is what the sweep is known
-    /// by: everything that its rows depend on. `None` if the sweep is to be resumed, and is finished.
+    /// Opens the journal of a sweep over `plan` in `folder`, created if missing. `header` identifies the sweep: all data on which its rows
+    /// depend. `None` if the sweep is to be resumed, and is finished.
     ///
     /// # Errors
-    /// As [`Records::open`].
+    /// Errors of [`Records::open`].
     pub fn open(
         folder: &Path,
         begin: Begin,
@@ -74,7 +74,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         Self::open_for(SWEEP, folder, (begin, Share::ALL), header, plan)
     }
 
-    /// The same for a share of the work of a command whose files are `kept`.
+    /// Opens the journal for a share of the work of a command whose files are `kept`.
     pub(crate) fn open_for(
         kept: Kept,
         folder: &Path,
@@ -86,7 +86,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         Ok(records.map(|records| Self { records, path: folder.join(kept.files[0]), kind: PhantomData }))
     }
 
-    /// The journals of parts as one, as [`Records::merged`].
+    /// Merges the journals of parts, as [`Records::merged`].
     pub(crate) fn merged(
         folders: (&[PathBuf], usize),
         kept: Kept,
@@ -98,13 +98,13 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         Ok(Self { records, path: out.0.join(kept.files[0]), kind: PhantomData })
     }
 
-    /// Its records.
+    /// Returns its records.
     #[must_use]
     pub fn records(&self) -> &Records {
         &self.records
     }
 
-    /// Its records, to be finished.
+    /// Returns its records, for the final files.
     pub fn records_mut(&mut self) -> &mut Records {
         &mut self.records
     }
@@ -113,13 +113,13 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         Ok(serde_json::from_str(text).map_err(|error| failed(&self.path)(error.into()))?)
     }
 
-    /// Outcomes of some rows, of those that are kept.
+    /// Returns the outcomes of some rows, of those that are stored.
     pub(super) fn find(&mut self, rows: &BTreeSet<usize>) -> Result<BTreeMap<usize, Outcome<R, S>>, SweepError> {
         let found = self.records.find(rows)?;
         found.into_iter().map(|(row, text)| Ok((row, self.read(&text)?))).collect()
     }
 
-    /// Hands all rows to `take`, in their order.
+    /// Passes all rows to `take`, in their order.
     pub(crate) fn each(
         &mut self,
         mut take: impl FnMut(usize, Outcome<R, S>) -> Result<(), SweepError>,
@@ -130,7 +130,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         })
     }
 
-    /// Keeps a row, and gives it back as a resumed sweep would read it.
+    /// Stores a row, and returns it as a resumed sweep would read it.
     pub(super) fn keep(&mut self, row: usize, outcome: Outcome<R, S>) -> Result<Outcome<R, S>, SweepError> {
         // JSON has neither infinities nor NaN.
         let read_back = serde_json::to_string(&outcome).and_then(|text| Ok((serde_json::from_str(&text)?, text)));
@@ -146,13 +146,13 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         Ok(outcome)
     }
 
-    /// Hands its folder to `draw`, for figures; before any final file is written.
+    /// Passes its folder to `draw`, for figures; before any final file is written.
     pub(crate) fn draw(&mut self, draw: impl FnOnce(&mut Folder) -> Result<(), OutputError>) -> Result<(), SweepError> {
         Ok(draw(self.records.outputs())?)
     }
 
-    /// Writes final files by name and head, each by the lines that `write` makes of every row; then the seal, which is the header with what
-    /// was `found`. Removes the journal.
+    /// Writes final files by name and head, each from the lines that `write` makes of every row; then the seal, which is the header with
+    /// what was `found`. Removes the journal.
     pub(crate) fn seal(
         &mut self,
         tables: &[(&str, Option<String>)],
@@ -172,7 +172,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     }
 }
 
-/// The rows of a plan.
+/// Returns the rows of a plan.
 fn rows(plan: &Plan) -> Rows<'_> {
     Rows { count: plan.rows(), chains: plan.chains(), plan: Some(plan) }
 }

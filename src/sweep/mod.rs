@@ -1,12 +1,10 @@
-//! Sweeps: the same work at every point of a grid, kept row by row.
+//! Sweeps: the same work at every point of a grid, stored row by row.
 //!
-//! A [`Grid`] is one or two [`Axis`] of numbers; a [`Plan`] says in which order its points are visited and which of them
-//! start from the end of a neighbour; [`run`] visits them on several threads; a [`Journal`] keeps each row as it
-//! finishes and becomes the final files when none is missing. What a row is, what is handed from a point to its
-//! neighbour, and what happens at a point is the caller's.
+//! A [`Grid`] is one or two [`Axis`] of numbers. A [`Plan`] sets the order of its points, and those that start from the end of a neighbour.
+//! [`run`] visits them on several threads. A [`Journal`] stores each row as it finishes and becomes the final files when none is missing.
+//! The caller defines a row, the data passed to a neighbour, and the work at a point.
 //!
-//! The final files depend on the plan and the work alone: not on the number of threads, nor on how often the sweep was
-//! broken off.
+//! The final files depend on the plan and the work alone: neither on the number of threads nor on the number of interruptions.
 //!
 //! ```
 //! use flank::{Task, sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, run}};

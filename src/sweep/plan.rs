@@ -3,8 +3,8 @@ use serde_json::{Map, Value, json};
 
 use super::Grid;
 
-/// Where the points of a sweep start: fresh, or at the end of a neighbour along the last axis. Coexisting branches show where
-/// the two directions differ.
+/// Start of the points of a sweep: fresh, or at the end of a neighbour along the last axis. The two directions differ where branches
+/// coexist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
@@ -19,33 +19,33 @@ pub enum Seeding {
     Both,
 }
 
-/// How a row was reached.
+/// Direction in which a row was reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
-    /// Alone.
+    /// No direction: the row starts fresh.
     Fresh,
     /// Along the last axis, from its first value to its last.
     Up,
-    /// From its last value to its first.
+    /// Along the last axis, from its last value to its first.
     Down,
 }
 
-/// What is done for one row.
+/// Work of one row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
-    /// Number of the row in grid order, from 0.
+    /// Index of the row in grid order, from 0.
     pub row: usize,
     /// Value on every axis.
     pub values: Vec<f64>,
-    /// How the row is reached.
+    /// Direction in which the row is reached.
     pub direction: Direction,
 }
 
-/// The rows of a sweep and the chains they are computed in.
+/// Rows of a sweep and the chains in which they are computed.
 ///
-/// Rows are in grid order; with [`Seeding::Both`] each point has two, up before down. A chain is a list of rows of which
-/// each starts from the end of the one before; its first starts fresh. There are no other ties between rows.
+/// Rows are in grid order; with [`Seeding::Both`] each point has two, up before down. In a chain each row starts from the end of the one
+/// before; the first starts fresh. Rows are otherwise independent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     grid: Grid,
@@ -53,19 +53,19 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Visits `grid` as `seeding` says.
+    /// Returns the plan that visits `grid` by `seeding`.
     #[must_use]
     pub fn new(grid: Grid, seeding: Seeding) -> Self {
         Self { grid, seeding }
     }
 
-    /// The grid.
+    /// Returns the grid.
     #[must_use]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// What the files of the sweep are known by, besides what the caller adds: axes and seeding.
+    /// Returns the part of the header that identifies the sweep, for the caller to extend: axes and seeding.
     #[must_use]
     pub fn header(&self) -> Map<String, Value> {
         let mut header = Map::new();
@@ -83,20 +83,20 @@ impl Plan {
         }
     }
 
-    /// How many rows; one at least.
+    /// Returns the number of rows; one at least.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.grid.points() * self.ways().len()
     }
 
-    /// Row number `row`, below [`rows`](Self::rows).
+    /// Returns row number `row`, below [`rows`](Self::rows).
     #[must_use]
     pub fn cell(&self, row: usize) -> Cell {
         let (point, way) = (row / self.ways().len(), row % self.ways().len());
         Cell { row, values: self.grid.values(point), direction: self.ways()[way] }
     }
 
-    /// How many chains.
+    /// Returns the number of chains.
     #[must_use]
     pub fn chains(&self) -> usize {
         match self.seeding {
@@ -105,7 +105,7 @@ impl Plan {
         }
     }
 
-    /// Number of the chain of row number `row`.
+    /// Returns the chain of row number `row`.
     #[must_use]
     pub fn chain_of(&self, row: usize) -> usize {
         let ways = self.ways().len();
@@ -115,7 +115,7 @@ impl Plan {
         }
     }
 
-    /// The rows of chain number `chain`, in their order.
+    /// Returns the rows of chain number `chain`, in their order.
     pub fn chain(&self, chain: usize) -> impl Iterator<Item = usize> + use<> {
         let (ways, length) = (self.ways(), self.rows() / self.chains());
         let (first, way) = (chain / ways.len() * length, chain % ways.len());

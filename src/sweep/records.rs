@@ -18,53 +18,53 @@ use super::{
 };
 use crate::output::{self, Folder, OutputError, Request, failed};
 
-/// Records are on disk, whatever happens to the machine, so long after they were written at most.
+/// Longest time until a written record is on disk, even if the machine fails.
 const SYNC: Duration = Duration::from_secs(2);
 
-/// The files of a command whose rows are kept as they finish.
+/// Files of a command whose rows are stored as they finish.
 #[derive(Clone, Copy, Debug)]
 pub struct Kept {
-    /// The command.
+    /// Name of the command.
     pub command: &'static str,
-    /// Its files: the rows as they finish, the seal that says what they are, then the others, its figure apart.
+    /// Its files: the rows as they finish, the seal that identifies them, then the others without the figure.
     pub files: &'static [&'static str],
 }
 
 impl Kept {
-    /// Files that the command writes into `folder`; nothing of `input` is replaced.
+    /// Returns the request for the files of the command in `folder`; no file of `input` is replaced.
     #[must_use]
     pub fn request<'a>(&self, begin: Begin, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
-        // The head of the rows says whose they are.
+        // The head of the rows identifies their command.
         let files = if begin == Begin::Resume { &self.files[1..] } else { self.files };
         let files = files.iter().map(|name| (*name).to_owned()).chain(self.figure()).collect();
         Request { folder, command: self.command, input, force: begin != Begin::New, files }
     }
 
-    /// Files that its figure may have.
+    /// Returns the files that its figure may have.
     fn figure(&self) -> [String; 3] {
         ["svg", "pdf", "png"].map(|ending| format!("figures/{}.{ending}", self.command))
     }
 }
 
-/// The rows of a command: how many there are, and in which chains. The rows of a chain are in one part.
+/// Rows of a command, with their chains. The rows of a chain are in one part.
 #[derive(Clone, Copy, Debug)]
 pub struct Rows<'p> {
     /// Number of rows.
     pub count: usize,
     /// Number of chains.
     pub chains: usize,
-    /// Its plan; every row is a chain of its own without one.
+    /// Plan of the rows; without one every row is a separate chain.
     pub plan: Option<&'p Plan>,
 }
 
 impl Rows<'_> {
-    /// Rows of which each is a chain of its own.
+    /// Returns rows that are separate chains.
     #[must_use]
     pub fn alone(count: usize) -> Self {
         Self { count, chains: count, plan: None }
     }
 
-    /// Number of rows in a share.
+    /// Returns the number of rows in a share.
     fn of(&self, share: Share) -> usize {
         share.count(self.chains) * (self.count / self.chains.max(1))
     }
@@ -72,8 +72,8 @@ impl Rows<'_> {
 
 /// Records of a command as they finish. Memory grows by one bit a row.
 ///
-/// A record is written at once. The folder is locked as long as this lives; the system takes the lock away with the process, however that
-/// ends.
+/// A record is written at once. The folder is locked during the life of this value; the system removes the lock with the process, however
+/// that ends.
 #[derive(Debug)]
 pub struct Records {
     kept: Kept,
@@ -81,9 +81,9 @@ pub struct Records {
     folder: PathBuf,
     header: Map<String, Value>,
     share: Share,
-    /// The file that records are written into; none of merged parts.
+    /// File into which records are written; none for merged parts.
     file: Option<File>,
-    /// The files that hold records: its own, or that of each part, by number.
+    /// Files that hold records: its own, or that of each part, by index.
     sources: Vec<Source>,
     /// Plan of its rows, if they have chains.
     plan: Option<Plan>,
@@ -100,8 +100,8 @@ pub struct Records {
 }
 
 impl Records {
-    /// Opens the records of a `share` of some `rows` in `folder`, created if need be. `header` is what they depend on. `None` if the work is
-    /// to be resumed, and is finished.
+    /// Opens the records of a `share` of some `rows` in `folder`, created if missing. `header` holds the data on which they depend. `None`
+    /// if the work is to be resumed, and is finished.
     ///
     /// # Errors
     /// [`SweepError`] if the folder is occupied, in use or holds other work, if the header is damaged, or if a file cannot be read or
@@ -175,10 +175,10 @@ impl Records {
         Ok(Some(records))
     }
 
-    /// Takes the records of `of` parts together, which are in `folders`: those of an undivided run, to be finished in the folder `out`.
+    /// Merges the records of `of` parts, which are in `folders`, to those of an undivided run, to be finished in the folder `out`.
     ///
     /// # Errors
-    /// [`SweepError::Parts`] with everything that is wrong with the parts, or as [`open`](Self::open).
+    /// [`SweepError::Parts`] with all faults of the parts, or the errors of [`open`](Self::open).
     pub fn merged(
         (folders, of): (&[PathBuf], usize),
         kept: Kept,
@@ -255,7 +255,7 @@ impl Records {
         Ok(())
     }
 
-    /// Enters the files in the manifest, and cuts off what is behind the last record; what an earlier command left goes.
+    /// Enters the files in the manifest, cuts off bytes behind the last record, and removes files of an earlier command.
     fn enter(&mut self, begin: Begin) -> Result<(), SweepError> {
         let Source { end, path, .. } = &self.sources[0];
         if *end > 0 && begin == Begin::New {
@@ -267,7 +267,7 @@ impl Records {
         self.outputs.list(self.kept.files)?;
         self.file.as_ref().map_or(Ok(()), |file| file.set_len(*end)).map_err(failed(path))?;
         if *end == 0 {
-            // What an earlier one left must not be taken for this one's, even if this one is killed.
+            // Files of an earlier command must not be mistaken for files of this one, even if this one is killed.
             let old = self.kept.files[1..].iter().map(|name| self.folder.join(name));
             let figure = self.kept.figure().map(|name| self.folder.join(name));
             old.chain(figure).try_for_each(|path| output::remove(&path))?;
@@ -275,7 +275,7 @@ impl Records {
         Ok(())
     }
 
-    /// Finds the records of a source, which are of a share, and where they end.
+    /// Finds the records of a source, which belong to a share, and their end.
     fn read_in(&mut self, place: usize, share: Share) -> Result<(), SweepError> {
         let source = self.sources[place].clone();
         if source.begin == 0 {
@@ -286,7 +286,7 @@ impl Records {
         // A line without its end was being written when its process was killed.
         while let Some(line) = lines.next()? {
             match line.row.filter(|row| share.holds(self.chain(*row))) {
-                // A row for the second time has the same content.
+                // A row that occurs twice has the same content.
                 Some(row) if self.has(row) => {}
                 Some(row) => self.mark(row),
                 None => self.damaged += 1,
@@ -306,49 +306,49 @@ impl Records {
         self.count += 1;
     }
 
-    /// Tells that a row has a record.
+    /// Returns whether a row has a record.
     #[must_use]
     pub fn has(&self, row: usize) -> bool {
         self.has[row / 64] >> (row % 64) & 1 == 1
     }
 
-    /// Number of rows that have a record.
+    /// Returns the number of rows that have a record.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Number of rows in its share.
+    /// Returns the number of rows in its share.
     #[must_use]
     pub fn own(&self) -> usize {
         self.own
     }
 
-    /// Its share of the work.
+    /// Returns its share of the work.
     #[must_use]
     pub fn share(&self) -> Share {
         self.share
     }
 
-    /// Tells that no row of its share is missing.
+    /// Returns whether no row of its share is missing.
     #[must_use]
     pub fn is_complete(&self) -> bool {
         self.count == self.own
     }
 
-    /// Number of lines that were found damaged: their rows are computed again.
+    /// Returns the number of damaged lines: their rows are computed again.
     #[must_use]
     pub fn damaged(&self) -> usize {
         self.damaged
     }
 
-    /// Final files of finished work that were found missing or changed: all is computed again.
+    /// Returns the final files of finished work that were missing or changed: all rows are computed again.
     #[must_use]
     pub fn lost(&self) -> &[String] {
         &self.lost
     }
 
-    /// Chains of its share without a record, of rows that are chains of their own, as ranges of their numbers in the share.
+    /// Returns the chains of its share without a record, for rows that are separate chains, as ranges of their indices in the share.
     #[must_use]
     pub fn missing(&self) -> Vec<Range<usize>> {
         let mut ranges: Vec<Range<usize>> = Vec::new();
@@ -361,7 +361,7 @@ impl Records {
         ranges
     }
 
-    /// Keeps the record of a row: a text in one line.
+    /// Stores the record of a row: a text in one line.
     ///
     /// # Errors
     /// [`SweepError::Output`] if it cannot be written.
@@ -399,7 +399,7 @@ impl Records {
         Ok(())
     }
 
-    /// The texts of some rows, of those that have a record.
+    /// Returns the texts of some rows, of those that have a record.
     ///
     /// # Errors
     /// [`SweepError::Output`] if they cannot be read.
@@ -416,7 +416,7 @@ impl Records {
         Ok(found)
     }
 
-    /// Hands all records to `take` in the order of their rows, with the number of the part that each is from.
+    /// Passes all records to `take` in the order of their rows, with the index of the part of each.
     ///
     /// # Errors
     /// [`SweepError::Output`] if they cannot be read, or the error of `take`.
@@ -432,16 +432,16 @@ impl Records {
         Ok(())
     }
 
-    /// Its folder, for figures; before any final file is written.
+    /// Returns its folder, for figures; before any final file is written.
     pub fn outputs(&mut self) -> &mut Folder {
         &mut self.outputs
     }
 
-    /// Writes tables, each by what `write` puts into it, and `others` by name; then the seal, which is the header with what was
-    /// `found`. Removes the file of records, unless they are those of parts.
+    /// Writes tables, each from the lines of `write`, and `others` by name; then the seal, which is the header with what was `found`.
+    /// Removes the file of records, except those of parts.
     ///
     /// # Errors
-    /// [`SweepError::Output`] if a file cannot be read or written; the records stay then.
+    /// [`SweepError::Output`] if a file cannot be read or written; the records are kept then.
     pub(crate) fn seal(
         &self,
         tables: &[&str],
@@ -472,18 +472,18 @@ impl Records {
         let mut part = Part::create(&self.folder, self.kept.files[1])?;
         part.write(&seal)?;
         part.publish()?;
-        // Nothing depends on the records any more. The lock is held until the file is gone.
+        // The records are no longer needed. The lock is held until the file is removed.
         if self.file.is_some() {
             output::remove(&self.sources[0].path)?;
         }
         Ok(())
     }
 
-    /// Writes the table of all rows below `head`, then as [`seal`](Self::seal) with what was `found`; `text` gives the line of a row from
-    /// its text and its part.
+    /// Writes the table of all rows below `head`, then the seal as [`seal`](Self::seal) does, with what was `found`; `text` makes the line
+    /// of a row from its text and its part.
     ///
     /// # Errors
-    /// As there.
+    /// Errors of [`seal`](Self::seal).
     pub(crate) fn table(
         &self,
         head: &str,

@@ -10,25 +10,24 @@ use serde::{Serialize, de::DeserializeOwned};
 use super::{Cell, Journal, Outcome, Plan, SweepError};
 use crate::task::Task;
 
-/// How a sweep ended.
+/// End of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// No row is missing.
     Complete,
-    /// It was broken off; what was finished is kept.
+    /// It was interrupted; finished rows are stored.
     Interrupted,
 }
 
-/// Computes every row that the journal does not hold. Chains run beside each other, the rows of a chain one after the
-/// other. A point that fails is a row that says why, and the next of its chain starts fresh.
+/// Computes every row that the journal does not hold. Chains run in parallel, the rows of a chain one after the other. A point that fails
+/// gives a row with the reason, and the next of its chain starts fresh.
 ///
-/// `point` makes a row, and the end of it that a neighbour may start from. The same cell and seed must give the same.
-/// `task` hears of every row. Once it is cancelled no point begins, and a point that then fails is not kept: it may look at
-/// the task itself and give up. The threads are those of the rayon pool that this is called in, or as many as there are
-/// cores.
+/// `point` makes a row, and the end of it from which a neighbour may start. The same cell and seed must give the same result. `task` counts
+/// every row. Once it is cancelled no point begins, and a point that then fails is not stored: it may check the task and stop. The threads
+/// are those of the current rayon pool, or as many as there are cores.
 ///
 /// # Errors
-/// [`SweepError`] if a row cannot be kept.
+/// [`SweepError`] if a row cannot be stored.
 pub fn run<R, S, E, P>(plan: &Plan, journal: &mut Journal<R, S>, point: P, task: Task<'_>) -> Result<Ending, SweepError>
 where
     R: Serialize + DeserializeOwned,
@@ -37,7 +36,7 @@ where
     E: Display,
     P: Fn(&Cell, Option<&S>) -> Result<(R, S), E> + Sync,
 {
-    // A row that is kept is read again where the next one of its chain starts from it.
+    // A stored row is read again if the next one of its chain starts from it.
     let mut wanted = BTreeSet::new();
     let share = journal.records.share();
     if journal.records.count() > 0 {
@@ -72,7 +71,7 @@ where
             });
             let outcome = match point(&plan.cell(row), seed) {
                 Ok((result, end)) => Outcome::Done { result, end },
-                // Given up, not failed.
+                // Stopped, not failed.
                 Err(_) if task.is_cancelled() => break,
                 Err(error) => Outcome::Failed(error.to_string()),
             };

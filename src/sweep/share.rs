@@ -2,7 +2,7 @@
 
 use std::{fmt, str::FromStr};
 
-/// Part `i` of `N` of some work: of the chains of its rows every N-th, from number `i` on, counted from 0.
+/// Part `i` of `N` of some work: every N-th of the chains of its rows, from number `i` on, counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
     /// Its number, from 0.
@@ -14,22 +14,22 @@ pub struct Share {
 impl Share {
     /// All of the work.
     pub const ALL: Self = Self { part: 0, of: 1 };
-    /// Parts, at most.
+    /// Most parts.
     pub const MOST: usize = 100_000;
 
-    /// Tells that chain number `chain` is in this part.
+    /// Returns whether chain number `chain` is in this part.
     #[must_use]
     pub fn holds(self, chain: usize) -> bool {
         chain % self.of == self.part
     }
 
-    /// Number of chains in this part, of `chains`.
+    /// Returns the number of chains in this part, of `chains`.
     #[must_use]
     pub fn count(self, chains: usize) -> usize {
         (chains + self.of - 1 - self.part) / self.of
     }
 
-    /// Number among all of chain `i` of this part.
+    /// Returns the number among all chains of chain `i` of this part.
     #[must_use]
     pub fn chain(self, i: usize) -> usize {
         self.part + i * self.of

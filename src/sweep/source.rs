@@ -5,8 +5,8 @@
 //! ROW SUM TEXT                     one line for each row that is finished, in any order
 //! ```
 //!
-//! SUM is the CRC-32 of what follows it, eight hexadecimal digits. That of a record goes on from that of the header and takes the number of the
-//! row too: a record that is damaged, or belongs to another row or other work, is none. It costs that row only.
+//! SUM is the CRC-32 of the text after it, eight hexadecimal digits. That of a record continues that of the header and includes the number
+//! of the row. A record that is damaged, or belongs to another row or other work, is invalid, and only its row is lost.
 
 use std::{
     collections::BTreeMap,
@@ -33,10 +33,10 @@ pub(super) struct Source {
     pub path: PathBuf,
     /// Checksum of its header.
     head: Hasher,
-    /// Places of the first record and behind the last one.
+    /// Places of the first record and behind the last one, bytes.
     pub begin: u64,
     pub end: u64,
-    /// Rows below this are rows.
+    /// Number of rows; larger row numbers are invalid.
     rows: usize,
 }
 
@@ -47,7 +47,7 @@ impl Source {
         Self { path, head, begin: 0, end: 0, rows }
     }
 
-    /// The first line, without its end.
+    /// Returns the first line, without its end.
     pub fn first_line(&self, header: &Map<String, Value>) -> String {
         format!("{MAGIC}{:08x} {}", self.head.clone().finalize(), Value::from(header.clone()))
     }
@@ -59,12 +59,12 @@ impl Source {
         sum.finalize()
     }
 
-    /// The line of a record.
+    /// Returns the line of a record.
     pub fn line(&self, row: usize, text: &str) -> String {
         format!("{row} {:08x} {text}\n", self.sum(row, text))
     }
 
-    /// Row and text of a line without its end. `None` if it is no record of this work.
+    /// Returns row and text of a line without its end. `None` if it is no record of this work.
     fn record<'t>(&self, line: &'t [u8]) -> Option<(usize, &'t str)> {
         let line = std::str::from_utf8(line).ok()?;
         let (row, rest) = line.split_once(' ')?;
@@ -74,7 +74,7 @@ impl Source {
         (self.sum(row, text) == u32::from_str_radix(sum, 16).ok()?).then_some((row, text))
     }
 
-    /// Checks the header, which must be `header`, and finds where the records begin; a file that was cut within its header has none.
+    /// Checks that the header is `header`, and finds the start of the records; a file that was cut within its header has none.
     pub fn check(&mut self, folder: &Path, header: &Map<String, Value>) -> Result<(), SweepError> {
         let damaged = |reason: &str| SweepError::Damaged { path: self.path.clone(), reason: reason.to_owned() };
         let file = File::open(&self.path).map_err(failed(&self.path))?;
@@ -82,7 +82,7 @@ impl Source {
         BufReader::new(file).read_until(b'\n', &mut line).map_err(failed(&self.path))?;
         let own = self.first_line(header);
         let Some(first) = line.strip_suffix(b"\n") else {
-            // What a killed command left of its header; anything else is the user's.
+            // An incomplete header is left by a killed command; any other text belongs to the user.
             return if own.as_bytes().starts_with(&line) {
                 Ok(())
             } else {
@@ -104,7 +104,7 @@ impl Source {
     }
 }
 
-/// Bytes that are read at once. The file is open for no longer: parts may be more than files that a process can open.
+/// Bytes read at once. The file is open only meanwhile: there may be more parts than files that a process can open.
 const BLOCK: u64 = 1 << 16;
 
 /// Lines of a source, one after the other.
@@ -118,7 +118,7 @@ pub(super) struct Lines<'s> {
     end: u64,
 }
 
-/// A line: its row, if it is a record, and the place of its text.
+/// Line of a file: its row, if it is a record, and the place of its text.
 pub(super) struct Line {
     pub row: Option<usize>,
     text: Range<u64>,
@@ -131,7 +131,7 @@ impl<'s> Lines<'s> {
         Self { source, block: Vec::new(), at: source.begin, next: 0, end }
     }
 
-    /// Reads more of the file behind the block. False at its end.
+    /// Reads more of the file behind the block; returns false at its end.
     fn read(&mut self) -> Result<bool, SweepError> {
         let fail = failed(&self.source.path);
         self.at += self.next as u64;
@@ -149,7 +149,7 @@ impl<'s> Lines<'s> {
         Ok(self.block.len() > before)
     }
 
-    /// The next line that has an end.
+    /// Returns the next line that has an end.
     pub fn next(&mut self) -> Result<Option<Line>, SweepError> {
         let mut seen = 0;
         loop {
@@ -169,14 +169,14 @@ impl<'s> Lines<'s> {
         }
     }
 
-    /// The text of the line that was read last.
+    /// Returns the text of the line that was read last.
     pub fn text(&self, line: &Line) -> &str {
         let place = [line.text.start, line.text.end].map(|at| (at - self.at) as usize);
         std::str::from_utf8(&self.block[place[0]..place[1]]).unwrap_or_default()
     }
 }
 
-/// Records of a source in the order of their rows. In memory are places of those alone that stand before their turn.
+/// Records of a source in the order of their rows. Memory holds only the places of records that precede their turn.
 pub(super) struct Ordered<'s> {
     lines: Lines<'s>,
     early: BTreeMap<usize, Range<u64>>,
@@ -188,7 +188,7 @@ impl<'s> Ordered<'s> {
         Self { lines: Lines::new(source, source.end), early: BTreeMap::new(), last: None }
     }
 
-    /// The text of a row; rows are asked for in their order.
+    /// Returns the text of a row; rows must be requested in their order.
     pub fn get(&mut self, row: usize) -> Result<String, SweepError> {
         let path = &self.lines.source.path;
         if let Some(place) = self.early.remove(&row) {
@@ -220,7 +220,7 @@ impl<'s> Ordered<'s> {
     }
 }
 
-/// A header with the share of the work, if that is not all of it.
+/// Returns a header with the share of the work, if that is not all of it.
 pub(super) fn with_share(mut header: Map<String, Value>, share: Share) -> Map<String, Value> {
     if share.of > 1 {
         header.insert("part".to_owned(), share.to_string().into());
@@ -228,7 +228,7 @@ pub(super) fn with_share(mut header: Map<String, Value>, share: Share) -> Map<St
     header
 }
 
-/// The share that the header of a file names, if it can be read.
+/// Returns the share in the header of a file, if it can be read.
 pub(super) fn share_of(path: &Path) -> Option<Share> {
     let mut line = String::new();
     BufReader::new(File::open(path).ok()?).read_line(&mut line).ok()?;
@@ -236,7 +236,7 @@ pub(super) fn share_of(path: &Path) -> Option<Share> {
     serde_json::from_str::<Map<String, Value>>(json).ok()?.get("part")?.as_str()?.parse().ok()
 }
 
-/// Checks that work kept in `folder` was asked the same as is asked now.
+/// Checks that work stored in `folder` has the present settings.
 ///
 /// # Errors
 /// [`SweepError::Mismatch`], with every entry that differs.

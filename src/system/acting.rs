@@ -1,7 +1,7 @@
-//! What a contact does in a mode: the one place where contact laws meet the states of contacts.
+//! Action of a contact in a mode: the only link between contact laws and the states of contacts.
 //!
-//! A contact without an [`Acting`] only has a deflection, which its guards may watch. Everything else about forces, energies, guards
-//! and methods reads this.
+//! A contact without an [`Acting`] only has a deflection, which its guards may watch. Everything else about forces, energies, guards and
+//! methods is derived from it.
 
 use super::{
     assemble::{Contact, Spring, Structure},
@@ -13,13 +13,13 @@ use crate::{
     hybrid::{Instant, Mode},
 };
 
-/// A contact and its law, with the numbers of the mode.
+/// A contact and its law, with the parameters of the mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Acting {
     pub contact: usize,
     /// +1 on the drive flank, −1 on the back flank, 0 where the law acts on the deflection itself.
     pub side: f64,
-    /// The force acts; else it is only watched.
+    /// True if the force acts; otherwise it is only watched.
     pub is_carried: bool,
     pub force: Force,
 }
@@ -29,9 +29,9 @@ pub(crate) struct Acting {
 pub(crate) enum Force {
     /// `k (δ − σ b) + c δ̇`.
     Linear { stiffness: Elasticity, damping: f64 },
-    /// `σ K pⁿ (1 + χ ṗ)` with `p = σ δ − b ≥ 0` and `χ = D/v`: `latch` is where the state keeps v; without one, χ is zero.
+    /// `σ K pⁿ (1 + χ ṗ)` with `p = σ δ − b ≥ 0` and `χ = D/v`; `latch` is the index of v in the state; without one, χ is zero.
     Power { law: PowerLaw, stiffness: f64, latch: Option<usize> },
-    /// Whatever keeps `δ̈ = 0`.
+    /// The force that keeps `δ̈ = 0`.
     Held,
 }
 
@@ -39,7 +39,7 @@ pub(crate) enum Force {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Elasticity {
     Constant(f64),
-    /// The value where piece `number` of the schedule starts, N/m, and its slope, N/(m s).
+    /// Value at the start of piece `number` of the schedule, N/m, and slope, N/(m s).
     Ramp {
         value: f64,
         slope: f64,
@@ -50,19 +50,19 @@ pub(crate) enum Elasticity {
 }
 
 impl Elasticity {
-    /// It is a series in a step.
+    /// Returns whether the stiffness varies along a step, as a series.
     pub fn varies(self) -> bool {
         !matches!(self, Self::Constant(_))
     }
 }
 
 impl Force {
-    /// The damping of a linear law.
+    /// Returns the damping of a linear law, N s/m.
     pub fn damping(&self) -> Option<f64> {
         if let Self::Linear { damping, .. } = self { Some(*damping) } else { None }
     }
 
-    /// χ of a power law in the state `x`, s/m.
+    /// Returns χ of a power law in the state `x`, s/m.
     pub fn chi(&self, x: &[f64]) -> f64 {
         match self {
             Self::Power { law, latch: Some(latch), .. } => law.hysteresis / x[*latch],
@@ -78,7 +78,7 @@ impl Acting {
 }
 
 impl Structure {
-    /// The side of the flank that the law of contact `j` is on in `mode`, and whether its force is carried; `None` where there is no force.
+    /// Returns the side of the flank that contact `j` presses in `mode`, and whether the force is carried; `None` if there is no force.
     fn pressing(&self, mode: &Mode, j: usize) -> Option<(f64, bool)> {
         let state = contact_mode(mode, j);
         match self.contacts[j].spec.law {
@@ -89,7 +89,7 @@ impl Structure {
         }
     }
 
-    /// The schedule that the force of contact `j` follows in `mode`. A switch of any other changes nothing.
+    /// Returns the schedule of the force of contact `j` in `mode`. Switches of other schedules have no effect.
     pub(super) fn followed(&self, mode: &Mode, j: usize) -> Option<&Schedule> {
         match &self.contacts[j].spring {
             Spring::Scheduled(schedule) if !self.contacts[j].spec.law.is_rigid() => {
@@ -99,7 +99,7 @@ impl Structure {
         }
     }
 
-    /// What contact `j` does in `mode`, if anything.
+    /// Returns the action of contact `j` in `mode`, if any.
     pub(crate) fn acting(&self, mode: &Mode, j: usize) -> Option<Acting> {
         let (side, is_carried) = self.pressing(mode, j)?;
         let c = &self.contacts[j];
@@ -113,12 +113,12 @@ impl Structure {
         Some(Acting { contact: j, side, is_carried, force })
     }
 
-    /// What carries force in `mode`.
+    /// Iterates over the contacts that carry force in `mode`.
     pub(crate) fn carrying(&self, mode: &Mode) -> impl Iterator<Item = Acting> {
         (0..self.contacts.len()).filter_map(move |j| self.acting(mode, j)).filter(|a| a.is_carried)
     }
 
-    /// Stiffness of a linear law, N/m, and its rate of change, N/(m s).
+    /// Returns the stiffness of a linear law, N/m, and its rate of change, N/(m s).
     pub(crate) fn stiffness_at(&self, j: usize, stiffness: Elasticity, at: Instant) -> (f64, f64) {
         match (stiffness, &self.contacts[j].spring) {
             (Elasticity::Constant(k), _) => (k, 0.0),
@@ -134,17 +134,17 @@ impl Structure {
         }
     }
 
-    /// `1 + χ ṗ` of a power law, `rate` = δ̇; 1 for any other.
+    /// Returns `1 + χ ṗ` of a power law, `rate` = δ̇; 1 for any other law.
     pub(crate) fn factor(&self, acting: &Acting, rate: f64, x: &[f64]) -> f64 {
         1.0 + acting.force.chi(x) * (acting.side * rate)
     }
 
-    /// What the law gives along g, N, whether or not it is carried; zero where the contact is held.
+    /// Returns the force of the law along g, N, carried or not; zero for a held contact.
     pub(crate) fn law_force(&self, acting: &Acting, at: Instant, x: &[f64]) -> f64 {
         self.force_of_deflection(acting, (at, x), self.deflection(acting.contact, at, x))
     }
 
-    /// The same, by the contact's deflection and its rate.
+    /// Returns the same force, for a given deflection and rate of the contact.
     pub(crate) fn force_of_deflection(
         &self,
         acting: &Acting,
@@ -164,7 +164,7 @@ impl Structure {
         }
     }
 
-    /// Change of the force for a change `(d1, r1)` of deflection and rate, and `x1` of the state.
+    /// Returns the change of the force for a change `(d1, r1)` of deflection and rate, and `x1` of the state.
     pub(crate) fn force_change(&self, acting: &Acting, at: Instant, x: &[f64], [d1, r1]: [f64; 2], x1: &[f64]) -> f64 {
         match acting.force {
             Force::Linear { stiffness, damping } => {
@@ -184,7 +184,7 @@ impl Structure {
         }
     }
 
-    /// Change of the force of a power law with its latched speed.
+    /// Returns the derivative of the force of a power law with respect to its latched speed, kg/s.
     pub(crate) fn force_by_latch(&self, acting: &Acting, at: Instant, x: &[f64]) -> f64 {
         let Force::Power { law, stiffness, latch: Some(latch) } = acting.force else { return 0.0 };
         let (d, r) = self.deflection(acting.contact, at, x);
@@ -192,7 +192,7 @@ impl Structure {
         -stiffness * libm::pow(p, law.exponent.value()) * acting.force.chi(x) * r / x[latch]
     }
 
-    /// Energy in the spring, J; none where no force is carried.
+    /// Returns the energy in the spring, J; zero if no force is carried.
     pub(crate) fn stored_in(&self, acting: Option<Acting>, at: Instant, x: &[f64]) -> f64 {
         let Some(a) = acting.filter(|a| a.is_carried) else { return 0.0 };
         let p = self.penetration(&a, self.deflection(a.contact, at, x).0);
@@ -207,7 +207,7 @@ impl Structure {
         }
     }
 
-    /// Powers of a contact, W: dissipation, and work of a stiffness that varies.
+    /// Returns the powers of a contact, W: dissipation, and work of a varying stiffness.
     pub(crate) fn contact_powers(&self, acting: Option<Acting>, at: Instant, x: &[f64]) -> (f64, f64) {
         let Some(a) = acting.filter(|a| a.is_carried) else { return (0.0, 0.0) };
         let (d, rate) = self.deflection(a.contact, at, x);
@@ -224,12 +224,12 @@ impl Structure {
         }
     }
 
-    /// `σ δ − b`, m; δ itself where the law acts on that.
+    /// Returns `σ δ − b`, m; δ itself where the law acts on δ.
     fn penetration(&self, a: &Acting, deflection: f64) -> f64 {
         if a.side == 0.0 { deflection } else { a.side * deflection - self.contacts[a.contact].gap() }
     }
 
-    /// What is watched on contact `j` in `mode`, with the sign that makes it positive inside.
+    /// Returns the quantities watched on contact `j` in `mode`, with the signs that make them positive inside.
     pub(crate) fn watched(&self, mode: &Mode, j: usize) -> &'static [(Watch, f64)] {
         let (c, state) = (&self.contacts[j], contact_mode(mode, j));
         match c.spec.law {
@@ -239,7 +239,7 @@ impl Structure {
             Law::KelvinVoigt(..) => watches(state, c.release_damping().is_some(), c.has_back()),
             Law::Power(_) => watches(state, c.latch.is_some(), c.has_back()),
             Law::Rigid(_) if state.is_closed() => &[(Watch::Force, 1.0)],
-            // Held on its flank by others.
+            // Held on its flank by other contacts.
             Law::Rigid(_) if state.side() != 0.0 => &[],
             Law::Rigid(_) => watches(state, false, c.has_back()),
         }
@@ -247,8 +247,8 @@ impl Structure {
 }
 
 impl Contact {
-    /// The damping of a contact that lets go where its force is zero. Undamped, `F = k p` is zero on the flank, and
-    /// all along where k is: the deflection is watched, which tells the flank in both.
+    /// Returns the damping of a contact that releases at zero force, N s/m. Without damping, `F = k p` is zero on the flank, and everywhere
+    /// if k is zero: the deflection is watched, which determines the flank in both cases.
     pub(crate) fn release_damping(&self) -> Option<f64> {
         match self.spec.law {
             Law::KelvinVoigt(l, Release::Force) if l.damping > 0.0 => Some(l.damping),
@@ -256,7 +256,7 @@ impl Contact {
         }
     }
 
-    /// The stiffness in piece `number` of its schedule.
+    /// Returns the stiffness in piece `number` of its schedule.
     fn elasticity(&self, number: u32) -> Elasticity {
         match &self.spring {
             Spring::Constant(k) => Elasticity::Constant(*k),
@@ -269,8 +269,8 @@ impl Contact {
     }
 }
 
-/// What fires in a state, with the sign that makes the guard positive inside: `b − δ`, `δ + b` and the
-/// compressive force are the positive directions of the three watches in the separated state.
+/// Returns the watches of a state, with the signs that make the guards positive inside. `b − δ`, `δ + b` and the compressive force are the
+/// positive directions of the three watches in the separated state.
 fn watches(state: ContactMode, releases_by_force: bool, back: bool) -> &'static [(Watch, f64)] {
     use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
     match state {

@@ -1,4 +1,4 @@
-//! From a [`Spec`] to a [`Structure`]: everything a step needs, computed once.
+//! Assembly of a [`Spec`] into a [`Structure`]: all data of a step, computed once.
 
 use std::collections::HashMap;
 
@@ -19,7 +19,7 @@ use crate::{
     vectors::Instructions,
 };
 
-/// One value for each contact, or for some of them. Up to 16 need no allocation.
+/// One value for each contact, or for some contacts. Up to 16 need no allocation.
 pub(crate) type PerContact<T> = SmallVec<[T; 16]>;
 
 /// A zero for each of `count` contacts.
@@ -27,7 +27,7 @@ pub(crate) fn zeros(count: usize) -> PerContact<f64> {
     smallvec![0.0; count]
 }
 
-/// A sparse vector: pairs of freedom and value.
+/// A sparse vector: pairs of degree of freedom and value.
 pub(crate) type Sparse = Vec<(u32, f64)>;
 
 fn sparse<'a>(values: impl IntoIterator<Item = &'a f64>) -> Sparse {
@@ -39,7 +39,7 @@ pub(crate) fn dot(row: &Sparse, x: &[f64]) -> f64 {
     row.iter().fold(0.0, |s, (i, g)| s + g * x[*i as usize])
 }
 
-/// `Σ row_i x_i`, rounded once where x has two doubles: the terms of an ill-conditioned mass matrix cancel.
+/// Returns `Σ row_i x_i`, rounded once if x has two doubles: the terms of an ill-conditioned mass matrix cancel.
 fn along(row: &Sparse, x: &[Wide]) -> f64 {
     if x.iter().all(|x| x.lo == 0.0) {
         return row.iter().fold(0.0, |sum, (i, g)| sum + g * x[*i as usize].hi);
@@ -64,7 +64,7 @@ pub(crate) struct Wave {
 }
 
 impl Wave {
-    /// Its rate in time.
+    /// Returns the time derivative.
     pub fn rate(&self, omega: f64) -> Self {
         Self { index: self.index, cosine: omega * self.sine, sine: -omega * self.cosine }
     }
@@ -95,58 +95,58 @@ pub(crate) enum Spring {
     Scheduled(Schedule),
 }
 
-/// One element of a [`Structure`]: a contact, the back flank of one, or a load that follows a schedule.
+/// One element of a [`Structure`]: a contact, the back flank of a contact, or a load with a schedule.
 ///
-/// A back flank that differs is the drive flank of an element that is turned round. It stands behind the contacts, which are seen with both
-/// flanks. A load is an element without a direction: nothing moves its deflection, which is 1, so that the force of its spring `k(t) δ` is the
-/// factor of the load. It acts in every mode, has no guard, and stands behind all flanks.
+/// A back flank with different data is the drive flank of a reversed element, after the contacts in the list. A load is an element without
+/// a direction. Its deflection is constantly 1, so that the force of its spring `k(t) δ` is the factor of the load. It acts in every mode,
+/// has no guard, and comes after all flanks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
-    /// What it was assembled from.
+    /// Specification of the element.
     pub spec: ContactSpec,
     pub(crate) direction: Sparse,
     /// `M⁻¹ g`.
     pub(crate) push: Sparse,
-    /// `gᵀ M⁻¹ g`, 1/kg: the inverse of the mass the contact feels.
+    /// `gᵀ M⁻¹ g`, 1/kg: the inverse of the effective mass of the contact.
     pub(crate) mobility: f64,
-    /// `Σ |g_i|/√M_ii`: what a weighted rate of one can add to the contact's rate.
+    /// `Σ |g_i|/√M_ii`: largest contribution of a unit weighted rate to the rate of the contact.
     pub(crate) across: f64,
-    /// `max √M_ii |M⁻¹g|_i`: the weighted acceleration by a force of one.
+    /// `max √M_ii |M⁻¹g|_i`: weighted acceleration by a unit force.
     pub(crate) push_norm: f64,
-    /// Sum of the amplitudes, N/m, and fastest frequency, rad/s, of a stiffness that follows oscillators.
+    /// Sum of the amplitudes, N/m, and fastest frequency, rad/s, of a stiffness with oscillators.
     pub(crate) swing: (f64, f64),
     pub(crate) error: Vec<Wave>,
     /// `ė` as waves.
     pub(crate) error_rate: Vec<Wave>,
     /// Largest stiffness of its schedule, N/m.
     pub(crate) stiffest: f64,
-    /// Sums of the sizes of all terms of e, ė and ë.
+    /// Sums of the sizes of all terms of e, m, ė, m/s, and ë, m/s².
     pub(crate) error_sizes: [f64; 3],
-    /// `1/√(gᵀM⁻¹g)`: makes the contact's rate comparable with weighted rates.
+    /// `1/√(gᵀM⁻¹g)`: makes the rate of the contact comparable with weighted rates.
     pub(crate) weight: f64,
     pub(crate) spring: Spring,
-    /// `gᵀ M⁻¹ g_j` of every contact j, 1/kg: the acceleration of this one by a force of one on that one.
+    /// `gᵀ M⁻¹ g_j` of every contact j, 1/kg: the acceleration of this contact by a unit force of contact j.
     pub(crate) couplings: Vec<f64>,
-    /// Where the latched approach speed is kept in the state.
+    /// Index of the latched approach speed in the state, if any.
     pub(crate) latch: Option<usize>,
-    /// The element that its back flank is, where that differs.
+    /// Index of the element of its back flank, if that differs.
     pub(crate) back: Option<usize>,
 }
 
 impl Contact {
-    /// Mass the contact feels, `1/(gᵀ M⁻¹ g)`, kg.
+    /// Returns the effective mass of the contact, `1/(gᵀ M⁻¹ g)`, kg.
     #[must_use]
     pub fn effective_mass(&self) -> f64 {
         1.0 / self.mobility
     }
 
-    /// Index in the state of its latched approach speed, if its law keeps one.
+    /// Returns the index of the latched approach speed in the state, if its law has one.
     #[must_use]
     pub fn latch(&self) -> Option<usize> {
         self.latch
     }
 
-    /// Load number `i`, which accelerates by `accelerations` times minus its factor.
+    /// Returns the element of load number `i`, with acceleration `−accelerations` times its factor.
     fn loading(i: usize, load: &LoadSchedule, (accelerations, weights): (&[Wide], &[f64]), clock: &Clock) -> Self {
         let push: Vec<f64> = accelerations.iter().map(|p| p.value()).collect();
         let n = push.len();
@@ -186,7 +186,7 @@ impl Contact {
         self.spec.half_backlash
     }
 
-    /// Where the spring is unstretched on its flank's side: the gap, but a bilateral mesh has none.
+    /// Returns the deflection, m, at which the spring is unstretched on the side of its flank: the gap, but zero for a bilateral mesh.
     pub(crate) fn offset(&self) -> f64 {
         if self.spec.law.is_bilateral() { 0.0 } else { self.gap() }
     }
@@ -206,25 +206,25 @@ pub struct Structure {
     pub(crate) oscillators: Vec<Oscillator>,
     /// `M⁻¹ f₀`.
     pub(crate) load: Vec<f64>,
-    /// Of each degree of freedom the sum of the sizes of its loads over M, m/s², and of its stiffnesses over M, 1/s².
+    /// Sums of the sizes of the loads over M, m/s², and of the stiffnesses over M, 1/s², for each degree of freedom.
     pub(crate) pulls: Vec<[f64; 2]>,
     pub(crate) load_waves: Vec<LoadWave>,
-    /// Columns of M, of the symmetric part of C (the other does no work), and of K.
+    /// Columns of M, of the symmetric part of C (the rest does no work), and of K.
     pub(crate) forms: [Vec<Sparse>; 3],
     /// Rows of `M⁻¹ K` and `M⁻¹ C` together: column, stiffness, damping.
     pub(crate) rows: Vec<Vec<(u32, f64, f64)>>,
     pub(crate) columns: VectorColumns,
-    /// The contacts, their back flanks that differ, and the loads that follow a schedule.
+    /// Contacts, back flanks with different data, and loads with schedules.
     pub(crate) contacts: Vec<Contact>,
-    /// The contacts of those back flanks.
+    /// Contacts of those back flanks.
     pub(crate) back_of: Vec<usize>,
-    /// `√M_ii`, the weights that make freedoms of different kinds comparable.
+    /// `√M_ii`, the weights that make different kinds of degrees of freedom comparable.
     pub(crate) weights: Vec<f64>,
-    /// What is equal.
+    /// Classes of equal degrees of freedom and contacts.
     pub(crate) symmetry: Symmetry,
-    /// Nothing drives or damps it: errors are never forgotten, and the state keeps its low part.
+    /// True without forcing and losses: errors then never decay, and the state keeps its low part.
     pub(crate) is_conservative: bool,
-    /// By which its series are summed.
+    /// Instruction set for the sums of its series.
     pub(crate) instructions: Instructions,
 }
 
@@ -242,7 +242,7 @@ impl Structure {
         let inverse = Inverse::new(&spec.mass).ok_or(AssembleError::Mass)?;
         let (clock, oscillators, places) = find_oscillators(&spec);
         let wave = |h: &Harmonic, scale: f64| Wave {
-            // OK to index: find_oscillators collected every frequency of the spec.
+            // OK to index: `find_oscillators` collected every frequency of the spec.
             index: places[&h.omega.to_bits()],
             cosine: scale * h.amplitude * libm::cos(h.phase),
             sine: -scale * h.amplitude * libm::sin(h.phase),
@@ -357,53 +357,53 @@ impl Structure {
         Ok(structure)
     }
 
-    /// The same train, moved by other instructions than the best that the processor has.
+    /// Returns the same train with another instruction set than the best one.
     #[must_use]
     pub fn by(self, instructions: Instructions) -> Self {
         Self { instructions, ..self }
     }
 
-    /// The instructions that move it.
+    /// Returns the instruction set of the train.
     #[must_use]
     pub fn instructions(&self) -> Instructions {
         self.instructions
     }
 
-    /// The train it was assembled from.
+    /// Returns the specification of the train.
     #[must_use]
     pub fn spec(&self) -> &Spec {
         &self.spec
     }
 
-    /// Number of freedoms.
+    /// Returns the number of degrees of freedom.
     #[must_use]
     pub fn freedoms(&self) -> usize {
         self.n
     }
 
-    /// The forcing clock.
+    /// Returns the forcing clock.
     #[must_use]
     pub fn clock(&self) -> &Clock {
         &self.clock
     }
 
-    /// The contacts.
+    /// Returns the contacts.
     #[must_use]
     pub fn contacts(&self) -> &[Contact] {
         &self.contacts[..self.spec.contacts.len()]
     }
 
-    /// Number of flanks: elements that are no loads.
+    /// Returns the number of flanks: elements other than loads.
     pub(crate) fn flanks(&self) -> usize {
         self.spec.contacts.len() + self.back_of.len()
     }
 
-    /// Tells that element `j` is a load.
+    /// Returns whether element `j` is a load.
     pub(crate) fn is_load(&self, j: usize) -> bool {
         j >= self.flanks()
     }
 
-    /// The contact that element `j`, no load, is a flank of, and the sense of its direction.
+    /// Returns the contact of element `j`, which is no load, and the sense of its direction.
     pub(crate) fn contact_of(&self, j: usize) -> (usize, f64) {
         match j.checked_sub(self.spec.contacts.len()) {
             Some(back) => (self.back_of[back], -1.0),
@@ -411,13 +411,13 @@ impl Structure {
         }
     }
 
-    /// The element of contact `j` that carries its force in `mode`, and the sense of its direction.
+    /// Returns the element of contact `j` that carries its force in `mode`, and the sense of its direction.
     pub(crate) fn flank_in(&self, mode: &Mode, j: usize) -> (usize, f64) {
         let back = self.contacts[j].back.filter(|back| contact_mode(mode, *back) != ContactMode::Separated);
         back.map_or((j, 1.0), |back| (back, -1.0))
     }
 
-    /// `(cos ωt, sin ωt)` of every oscillator, into `out`.
+    /// Passes the index and `(cos ωt, sin ωt)` of every oscillator to `out`.
     pub(crate) fn oscillate(&self, at: Instant, mut out: impl FnMut(usize, f64, f64)) {
         for (i, o) in self.oscillators.iter().enumerate() {
             let (s, c) = self.clock.sincos(o.omega, o.order, at);
@@ -426,15 +426,15 @@ impl Structure {
     }
 }
 
-/// Range of a stiffness that follows oscillators: sum of its amplitudes, and its fastest frequency.
+/// Returns the sum of the amplitudes, N/m, and the fastest frequency, rad/s, of a stiffness with oscillators.
 fn swing(waves: &[Wave], oscillators: &[Oscillator]) -> (f64, f64) {
     waves.iter().fold((0.0, 0.0), |(sum, fastest): (f64, f64), w| {
         (sum + libm::hypot(w.cosine, w.sine), fastest.max(oscillators[w.index].omega))
     })
 }
 
-/// The clock, the distinct frequencies, and the place of each by its bits. Without a named base frequency the lowest one is the base if
-/// all others are its multiples; otherwise the first one met, and the others keep their own angles.
+/// Returns the clock, the distinct frequencies, and the index of each by its bits. Without a named base frequency, the lowest one is the
+/// base if all others are its multiples. Otherwise the first one is the base, and the others have independent angles.
 fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>, HashMap<u64, usize>) {
     let (mut omegas, mut places) = (Vec::new(), HashMap::new());
     let mut meet = |w: f64| {
@@ -452,7 +452,7 @@ fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>, HashMap<u64, usize>
     }
     let order = |w: f64, base: f64| {
         let h = (w / base).round();
-        // A multiple to one unit in the last place counts as one: 3 · 0.3 is meant to be 0.9.
+        // A multiple to one unit in the last place counts as one: 3 · 0.3 stands for 0.9.
         ((1.0..1e6).contains(&h) && (h * base - w).abs() <= f64::EPSILON * w).then_some(h as u32)
     };
     let lowest = omegas.iter().copied().fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! The train as a hybrid automaton: which guard leads where, and what it resets.
+//! The train as a hybrid automaton: successor modes and resets of its guards.
 
 use smallvec::SmallVec;
 
@@ -19,35 +19,35 @@ use crate::{
 /// Rounding of a deflection relative to the sum of its terms.
 const ON_FLANK: f64 = 4.0 * f64::EPSILON;
 
-/// Why a run cannot start where it was told to.
+/// Reason for which a run cannot start in a state.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StartError {
     /// A rigid flank is penetrated.
     #[error("{contact} starts {depth:e} m inside its rigid flank; start at or outside it")]
     InsideRigid {
-        /// Which contact.
+        /// Name of the contact.
         contact: String,
-        /// How deep, m.
+        /// Depth, m.
         depth: f64,
     },
     /// The initial state has the wrong length or is not finite.
     #[error("the initial state needs {expected} finite displacements and {expected} finite velocities")]
     State {
-        /// Number of freedoms.
+        /// Number of degrees of freedom.
         expected: usize,
     },
     /// A closed contact with hysteresis has no approach speed.
     #[error("{contact} is closed with a latched approach speed of {speed:e} m/s; it must be above zero")]
     Latched {
-        /// Which contact.
+        /// Name of the contact.
         contact: String,
-        /// Its latched speed, m/s.
+        /// Latched speed of the contact, m/s.
         speed: f64,
     },
 }
 
-/// Where a run starts.
+/// State and mode at the start of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Start {
     /// State `(q, q̇, latched speeds)`.
@@ -57,10 +57,10 @@ pub struct Start {
 }
 
 impl Structure {
-    /// The state and mode of a run that starts with displacements `q` and velocities `v`.
+    /// Returns the state and mode of a run that starts with displacements `q` and velocities `v`.
     ///
-    /// The mode follows the geometry. A contact exactly on a flank starts outside it, with the guard pinned to zero;
-    /// the first non-zero derivative then decides, by the same rule as after any jump.
+    /// The mode follows from the geometry. A contact exactly on a flank starts outside it, with the guard pinned to zero; the first
+    /// non-zero derivative then decides, by the same rule as after any jump.
     ///
     /// # Errors
     /// [`StartError`] for a penetrated rigid flank or an unusable state.
@@ -80,7 +80,7 @@ impl Structure {
             let (d, rate) = self.deflection(j, at, &x);
             let back = c.has_back();
             let depth = (d - c.gap()).max(if back { -d - c.gap() } else { f64::NEG_INFINITY });
-            // A start within rounding of a flank is meant to be on it.
+            // A start within rounding of a flank is on the flank.
             let depth = if depth.abs() <= ON_FLANK * self.deflection_size(c, &x) { 0.0 } else { depth };
             let rigid = c.spec.law.is_rigid();
             if c.spec.law.is_bilateral() {
@@ -102,12 +102,12 @@ impl Structure {
         Ok(Start { x, jump })
     }
 
-    /// The state and mode of a run that takes up the motion of another one, of this train or of one that differs from it
-    /// in a few numbers: `x` is its state `(q, q̇, latched speeds)`, `contacts` the states of its contacts.
+    /// Returns the state and mode of a run that continues another motion, of this train or of one with a few other parameters. `x` is the
+    /// state `(q, q̇, latched speeds)` of that motion, `contacts` the states of its contacts.
     ///
-    /// Where the flanks have moved the geometry decides, as at any [`start`](Self::start); a contact that was detached
-    /// inside the zone of a flank and still lies there stays so. Latched speeds are kept, but that of a contact that was open and lies inside
-    /// a flank's zone now: it has latched none, and starts with that of its law.
+    /// If the flanks have moved, the geometry decides, as at any [`start`](Self::start). A contact detached inside the zone of a flank and
+    /// still there stays detached. Latched speeds are kept. A contact that was open and is now inside the zone of a flank has latched none,
+    /// and starts with that of its law.
     ///
     /// # Errors
     /// As [`start`](Self::start); [`StartError::State`] for a state of another length; [`StartError::Latched`] for a latched speed that is
@@ -140,7 +140,7 @@ impl Structure {
         Ok(start)
     }
 
-    /// Follows one fired guard of a compliant contact. `is_zero`: it fell through zero, and is not outside already.
+    /// Follows one fired guard of a compliant contact. `is_zero` marks a guard that fell through zero and was not already outside.
     fn follow(
         &self,
         jump: &mut Jump,
@@ -160,7 +160,7 @@ impl Structure {
             (Back, Watch::Force) => BackDetached,
             (DriveDetached, Watch::Force) => Drive,
             (BackDetached, Watch::Force) => Back,
-            // Left through the flank in the same batch: nothing remains to release.
+            // The contact left through the flank in the same batch: nothing remains to release.
             (Separated, Watch::Force) => return Ok(()),
             _ => {
                 return Err(ModelError::NoEdge {
@@ -175,7 +175,7 @@ impl Structure {
             }
         };
         self.enter(&mut jump.mode, j, next, at);
-        // A force that a stiffness step or an impact elsewhere took past zero is not zero.
+        // A force taken past zero by a stiffness step or by an impact elsewhere is not zero.
         if watch != Watch::Force || is_zero {
             jump.pinned.insert(guard_id(j, watch));
         }
@@ -188,7 +188,7 @@ impl Structure {
 }
 
 impl Structure {
-    /// The classes whose displacements and velocities are equal, and their values.
+    /// Returns the classes with equal displacements and with equal velocities, and their values.
     pub(crate) fn equal(&self, x: &[f64]) -> [Equal; 2] {
         if self.symmetry.is_empty() {
             return [Equal::new(), Equal::new()];
@@ -200,7 +200,7 @@ impl Structure {
         [q, v]
     }
 
-    /// Whether all that is equal by the numbers of the train is so in its state and mode.
+    /// Returns whether equal parts of the train are also equal in state and mode.
     pub(crate) fn is_symmetric(&self, mode: &Mode, x: &[f64]) -> bool {
         let (q, v) = x[..2 * self.n].split_at(self.n);
         let latched = |j: usize| self.contacts[j].latch.map(|latch| x[latch]);
@@ -209,7 +209,7 @@ impl Structure {
             && self.symmetry.agree(|j| (contact_mode(mode, j), latched(j)))
     }
 
-    /// What was equal before a jump is equal after it.
+    /// Makes values that were equal before a jump equal after it.
     pub(crate) fn restore_equal(&self, [displacements, velocities]: &[Equal; 2], x: &mut [f64], low: &mut [f64]) {
         self.symmetry.restore(displacements, &mut x[..self.n]);
         self.symmetry.restore(velocities, &mut x[self.n..2 * self.n]);
@@ -219,7 +219,7 @@ impl Structure {
         }
     }
 
-    /// Puts contact `j` into `state` at `at`. One that follows no schedule has no piece, so that equal motions have equal modes.
+    /// Sets contact `j` to `state` at `at`. Without a schedule the piece is zero, so that equal motions have equal modes.
     pub(crate) fn enter(&self, mode: &mut Mode, j: usize, state: ContactMode, at: Instant) {
         let followed = self.followed(mode, j).is_some();
         set_contact(mode, j, state);
@@ -230,7 +230,7 @@ impl Structure {
         }
     }
 
-    /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
+    /// Returns the part of `from` that remains valid at the same instant: the zeros of the contacts that do not fire again.
     fn standing(from: &Jump, fired: &GuardSet) -> Jump {
         let mut jump =
             Jump { mode: from.mode.clone(), pinned: from.pinned.clone(), still: from.still.clone(), ..Jump::default() };
@@ -248,7 +248,7 @@ impl Structure {
 }
 
 impl Structure {
-    /// The value of a guard by the deflection of its contact and its rate.
+    /// Returns the value of a guard, for a given deflection and rate of its contact.
     fn guard_of_deflection(
         &self,
         mode: &Mode,
@@ -311,7 +311,7 @@ impl HybridSystem for Structure {
     }
 
     fn guard_values(&self, mode: &Mode, ids: &[GuardId], (at, x): (Instant, &[f64]), take: &mut dyn FnMut(usize, f64)) {
-        // The oscillators are the same for all.
+        // All guards use the same oscillators.
         let mut oscillators: SmallVec<[[f64; 2]; 8]> = SmallVec::new();
         self.oscillate(at, |_, cosine, sine| oscillators.push([cosine, sine]));
         let sum = |waves: &[Wave]| {

@@ -1,4 +1,4 @@
-//! What makes a [`Spec`] one that can be assembled.
+//! Conditions under which a [`Spec`] can be assembled.
 
 use super::{ContactSpec, Flanks, Spec, contact_mode::MAX_PIECES};
 use crate::gear::{
@@ -6,18 +6,18 @@ use crate::gear::{
     contact::{Law, Ratio},
 };
 
-/// Why a [`Spec`] cannot be assembled.
+/// Reason for which a [`Spec`] cannot be assembled.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AssembleError {
     /// A vector or matrix has the wrong shape.
     #[error("{what} has {found} entries, and {expected} are needed (one for each freedom)")]
     Shape {
-        /// Which array.
+        /// Name of the array.
         what: String,
-        /// Its length.
+        /// Number of entries found.
         found: usize,
-        /// The length needed.
+        /// Number of entries needed.
         expected: usize,
     },
     /// The mass matrix is not symmetric positive definite.
@@ -26,15 +26,15 @@ pub enum AssembleError {
     /// A number is not finite.
     #[error("{what} is not a finite number")]
     NotFinite {
-        /// Which quantity.
+        /// Name of the quantity.
         what: String,
     },
-    /// A contact or load that cannot be: a value out of its range, or parts that do not go together.
+    /// Invalid contact or load: a value out of its range, or parts that do not fit together.
     #[error("{contact}: {problem}")]
     Contact {
         /// Name of the contact or load.
         contact: String,
-        /// What is wrong.
+        /// Problem, in words.
         problem: &'static str,
     },
 }
@@ -56,12 +56,11 @@ fn of_waves(waves: &[Harmonic]) -> impl Iterator<Item = &f64> {
 }
 
 impl Spec {
-    /// Whether a [`Structure`](super::Structure) can be made of it.
+    /// Checks that a [`Structure`](super::Structure) can be assembled from the specification.
     ///
     /// # Errors
-    /// [`AssembleError`] if shapes do not fit, the mass matrix is not symmetric, a number is not finite or out of its range,
-    /// or a contact's parts do not go together. That the mass matrix is positive definite is
-    /// seen only when it is factored.
+    /// [`AssembleError`] if shapes do not fit, the mass matrix is not symmetric, or a number is not finite or out of its range. Likewise if
+    /// the parts of a contact do not fit together. Only its factorisation shows whether the mass matrix is positive definite.
     pub fn check(&self) -> Result<(), AssembleError> {
         let n = self.freedoms.len();
         let shape = |what: &str, found: usize, expected: usize| {
@@ -117,7 +116,7 @@ impl Spec {
             require(c.flanks == Flanks::Both && !c.law.is_bilateral(), "a back flank of its own needs two flanks")?;
             require(c.narrowest_gap() > 0.0, "the errors of its flanks close the gap: it would jam")?;
         }
-        // A comparison with NaN is false: a value that is none is out of its range.
+        // A comparison with NaN is false, so NaN is out of range.
         match c.law {
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 require((0.0..f64::INFINITY).contains(&l.damping), "its damping must be finite and >= 0")?;
@@ -146,7 +145,7 @@ impl Spec {
     }
 }
 
-/// Checks a stiffness or the factor of a load, `what`.
+/// Checks a stiffness or the factor of a load, named `what`.
 fn check_schedule(
     what: &str,
     schedule: &Stiffness,
@@ -167,7 +166,7 @@ fn check_schedule(
             require(fits, "a schedule needs a value and a slope before the first time and at each time")?;
             let ends = [slopes.first(), slopes.last()].into_iter().flatten().all(|slope| *slope == 0.0);
             require(ends, "a schedule must be constant before its first and after its last time")?;
-            // Pieces of one value without a slope count once.
+            // Pieces with the same value and no slope count once.
             let ramps = slopes.iter().filter(|slope| **slope != 0.0).count();
             let mut levels: Vec<u64> = values
                 .iter()

@@ -1,4 +1,4 @@
-//! A structure in columns of four, as the recurrences read it.
+//! A structure in columns of four, for the recurrences.
 
 use std::collections::BTreeMap;
 
@@ -40,7 +40,7 @@ pub(crate) struct FourColumns {
     pub directions: Vec<[f64; 4]>,
     /// [`Contact::weight`] of each.
     pub weights: [f64; 4],
-    /// Sizes of the gap and of the error of each, m.
+    /// Sizes of the gap and of the error of each contact, m.
     pub sizes: [[f64; 4]; 2],
     /// Rates of the errors: oscillator, cosine and sine parts.
     pub rates: Vec<(usize, [f64; 4], [f64; 4])>,
@@ -67,7 +67,7 @@ impl Block {
         (load, waves, weights): Loads<'_>,
     ) -> Self {
         let n = k.nrows();
-        // No −0: columns that are equal then have equal bits.
+        // No −0: columns with equal values then have equal bits.
         let four = |f: &dyn Fn(usize) -> f64| -> [f64; 4] {
             std::array::from_fn(|l| if first + l < n { f(first + l) + 0.0 } else { 0.0 })
         };

@@ -1,5 +1,4 @@
-//! The cycle that all parts of a forcing have in common, where it is several periods of the clock: orders below one, frequencies in other
-//! ratios than whole numbers.
+//! Common cycle of all forcing, if it is several periods of the clock: orders below one, and frequencies whose ratios are no whole numbers.
 
 use super::{ContactSpec, Spec, Structure};
 use crate::{
@@ -7,17 +6,17 @@ use crate::{
     hybrid::Wide,
 };
 
-/// Denominators of orders at most, where the train names its base frequency.
+/// Largest denominator of an order, if the train names its base frequency.
 const OF_ORDERS: u64 = 10_000;
-/// Numerators and denominators of ratios at most, where only frequencies are given.
+/// Largest numerator and denominator of a ratio, if only frequencies are given.
 const OF_FREQUENCIES: u64 = 1000;
-/// Periods of the clock in a common cycle at most.
+/// Largest number of periods of the clock in a common cycle.
 pub(super) const MOST: u64 = 100_000;
-/// Rounding of a ratio: of two numbers of two units in the last place each.
+/// Rounding of a ratio of two numbers, each wrong by two units in the last place.
 const ROUNDED: f64 = 4.0 * f64::EPSILON;
-/// Share of a whole number by which a cycle may differ from so many periods of a stiffness: both are written with rounding.
+/// Largest relative difference of a cycle from a whole number of periods of a stiffness: both are written with rounding.
 const WHOLE: f64 = 1e-12;
-/// Orders of oscillators are below this number.
+/// Exclusive upper bound of the orders of oscillators.
 const HIGHEST: u64 = 1_000_000;
 
 /// A ratio of whole numbers in lowest terms.
@@ -28,7 +27,7 @@ struct Ratio {
 }
 
 impl Ratio {
-    /// The first convergent of the continued fraction of `x` > 0 that is `x` to rounding, with `q` up to `most`.
+    /// Returns the first convergent of the continued fraction of `x` > 0 that equals `x` to rounding, with `q` up to `most`.
     fn of(x: f64, most: u64) -> Option<Self> {
         let (mut rest, [mut p, mut before_p], [mut q, mut before_q]) = (x, [1.0, 0.0], [0.0, 1.0]);
         loop {
@@ -45,7 +44,7 @@ impl Ratio {
         }
     }
 
-    /// The part of a period that `cycles` periods of the clock are beyond whole periods of an oscillator of this order.
+    /// Returns the fraction of a period of an oscillator of this order that remains after `cycles` periods of the clock.
     fn left_after(self, cycles: u64) -> f64 {
         (u128::from(self.p) * u128::from(cycles) % u128::from(self.q)) as f64 / self.q as f64
     }
@@ -56,15 +55,15 @@ fn gcd(a: u64, b: u64) -> u64 {
 }
 
 impl Structure {
-    /// Tells that all oscillators are multiples of the clock's, to rounding.
+    /// Returns whether all oscillators are multiples of the clock, to rounding.
     pub(crate) fn has_whole_orders(&self) -> bool {
         self.clock.period().is_none() || self.oscillators.iter().all(|o| o.order.is_some())
     }
 
-    /// Periods of the clock after which all forcing repeats: 1 where each repeats the one before, as in a train without a clock.
+    /// Returns the number of periods of the clock after which all forcing repeats: 1 if every period is the same, or without a clock.
     ///
     /// # Errors
-    /// A text that names the forcing without such a cycle.
+    /// A text that names the forcing without a common cycle.
     pub fn common_cycle(&self) -> Result<u64, String> {
         let Some(period) = self.clock.period().map(Wide::value) else { return Ok(1) };
         let spec = self.spec();
@@ -115,7 +114,7 @@ impl Structure {
 }
 
 impl Spec {
-    /// The same train in a clock of `periods` periods of `omega`, the common cycle, that begins with period number `first` of it.
+    /// Returns the same train in a clock of `periods` periods of `omega`, the common cycle, that starts with its period number `first`.
     #[must_use]
     pub(crate) fn over_cycles(mut self, omega: f64, periods: u64, first: u64) -> Self {
         let base = omega / periods as f64;

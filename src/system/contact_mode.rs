@@ -6,14 +6,14 @@ pub use crate::hybrid::{ContactMode, Watch};
 
 use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
 
-/// Bits of a contact's state.
+/// Number of bits of the state of a contact.
 const STATE: u32 = 3;
-/// Their mask.
+/// Mask of these bits.
 const MASK: u16 = (1 << STATE) - 1;
-/// Pieces of a periodic stiffness a mode has room for.
+/// Maximum number of pieces of a periodic stiffness in a mode.
 pub(crate) const MAX_PIECES: usize = 1 << (u16::BITS - STATE);
 
-/// The state of contact `j` in `mode`.
+/// Returns the state of contact `j` in `mode`.
 #[must_use]
 pub fn contact_mode(mode: &Mode, j: usize) -> ContactMode {
     match mode.get(j) & MASK {
@@ -25,12 +25,12 @@ pub fn contact_mode(mode: &Mode, j: usize) -> ContactMode {
     }
 }
 
-/// Puts contact `j` into `state`.
+/// Sets contact `j` to `state`.
 pub fn set_contact(mode: &mut Mode, j: usize, state: ContactMode) {
     mode.set(j, mode.get(j) & !MASK | state as u16);
 }
 
-/// The stiffness piece of contact `j` in `mode`.
+/// Returns the stiffness piece of contact `j` in `mode`.
 #[must_use]
 pub fn piece(mode: &Mode, j: usize) -> u32 {
     u32::from(mode.get(j) >> STATE)
@@ -40,18 +40,18 @@ pub(crate) fn set_piece(mode: &mut Mode, j: usize, piece: u32) {
     mode.set(j, mode.get(j) & MASK | (piece as u16) << STATE);
 }
 
-/// The guard of contact `j` that watches `watch`.
+/// Returns the guard of contact `j` for `watch`.
 #[must_use]
 pub fn guard_id(j: usize, watch: Watch) -> GuardId {
     GuardId(3 * j as u16 + watch as u16)
 }
 
-/// The guards of contact `j`.
+/// Returns the guards of contact `j`.
 pub(crate) fn guards_of(j: usize) -> [GuardId; 3] {
     [Watch::DriveFlank, Watch::BackFlank, Watch::Force].map(|watch| guard_id(j, watch))
 }
 
-/// Which contact a guard belongs to, and what it watches.
+/// Returns the contact of a guard, and the quantity that the guard watches.
 #[must_use]
 pub fn guard_of(id: GuardId) -> (usize, Watch) {
     let watch = match id.0 % 3 {

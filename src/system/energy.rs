@@ -7,8 +7,8 @@
 //!     load    error     parametric    damping     contact
 //! ```
 //!
-//! `(F − V′) ṗ` is `c ṗ²` for a linear damper and `K pⁿ χ ṗ²` for hysteresis. A contact that carries no force
-//! stores nothing: what its spring holds when it lets go is dropped, and booked in the jump. K is taken to be symmetric.
+//! `(F − V′) ṗ` is `c ṗ²` for a linear damper and `K pⁿ χ ṗ²` for hysteresis. A contact without force stores no energy: the energy of its
+//! spring at release is lost, and counted in the jump. K is taken to be symmetric.
 
 use super::{
     assemble::{PerContact, Sparse, Structure, dot, zeros},
@@ -17,13 +17,13 @@ use super::{
 };
 use crate::hybrid::{EnergyJump, HybridSystem, Instant, Mode, PowerBalance, Powers, Transition};
 
-/// `aᵀ S b` by the columns of S.
+/// Returns `aᵀ S b` from the columns of S.
 fn form(columns: &[Sparse], a: &[f64], b: &[f64]) -> f64 {
     b.iter().zip(columns).fold(0.0, |sum, (b, column)| if *b == 0.0 { sum } else { sum + b * dot(column, a) })
 }
 
 impl Structure {
-    /// The force contact `j` carries, N.
+    /// Returns the force that contact `j` carries, N.
     pub(crate) fn carried_by(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
         match self.acting(mode, j).filter(|a| a.is_carried) {
             None => 0.0,
@@ -36,7 +36,7 @@ impl Structure {
         }
     }
 
-    /// All contact forces, N, into `forces` `[contacts]`: as [`dynamics`](Self::dynamics), without its scratch.
+    /// Writes all contact forces, N, into `forces` `[contacts]`, as [`dynamics`](Self::dynamics) does, without its scratch.
     fn carried(&self, mode: &Mode, at: Instant, x: &[f64], forces: &mut [f64]) {
         forces[..self.contacts.len()].fill(0.0);
         for acting in self.carrying(mode) {
@@ -55,7 +55,7 @@ impl Structure {
         }
     }
 
-    /// Acceleration of freedom `i` under `forces`, m/s².
+    /// Returns the acceleration of degree of freedom `i` under `forces`, m/s².
     fn acceleration(&self, i: usize, at: Instant, x: &[f64], forces: &[f64]) -> f64 {
         let mut a =
             self.rows[i].iter().fold(self.load[i], |a, (j, k, c)| a - k * x[*j as usize] - c * x[self.n + *j as usize]);
@@ -70,13 +70,13 @@ impl Structure {
         a
     }
 
-    /// `½ q̇ᵀM q̇`, J.
+    /// Returns `½ q̇ᵀM q̇`, J.
     fn kinetic(&self, x: &[f64]) -> f64 {
         let v = &x[self.n..2 * self.n];
         0.5 * form(&self.forms[0], v, v)
     }
 
-    /// `½ qᵀK q` and the energy of the springs, J.
+    /// Returns `½ qᵀK q` plus the energy of the springs, J.
     fn potential(&self, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
         let q = &x[..self.n];
         let contacts = self.carrying(mode).filter(|acting| !self.is_load(acting.contact));
@@ -84,8 +84,8 @@ impl Structure {
         0.5 * form(&self.forms[2], q, q) + contacts
     }
 
-    /// The impulses of a jump, N s along each direction, into `out` `[flanks]`: what changed the rates of the
-    /// rigid contacts that fired or rest, `G M⁻¹Gᵀ P = δ̇⁻ − δ̇⁺`.
+    /// Writes the impulses of a jump, N s along each direction, into `out` `[flanks]`. They changed the rates of the rigid contacts that
+    /// fired or rest: `G M⁻¹Gᵀ P = δ̇⁻ − δ̇⁺`.
     pub(crate) fn impulses_of(&self, t: &Transition<'_>, out: &mut [f64]) {
         out.fill(0.0);
         let (mut set, mut rhs) = (PerContact::<usize>::new(), PerContact::<f64>::new());
@@ -108,31 +108,31 @@ impl Structure {
 }
 
 impl Structure {
-    /// Energies whose rounding the ledger shows beside that of its `throughput` E, J: the work of the loads on free masses in one step of
-    /// `step` seconds, and `√(E k ℓ²)` of the contacts. A penetration is rounded by ε of the flank's distance ℓ, and a motion of
-    /// amplitude a, `E = k a²`, does the work `ε k ℓ a` on that.
+    /// Returns the energy, J, whose rounding the ledger shows beside that of its `throughput` E. It is the work of the loads on free masses
+    /// in one step of `step` seconds, plus `√(E k ℓ²)` of the contacts. A penetration is rounded by ε of the distance ℓ of the flank; a
+    /// motion of amplitude a, `E = k a²`, does the work `ε k ℓ a` on that.
     #[must_use]
     pub fn rounded_energy(&self, step: f64, throughput: f64) -> f64 {
         let of_loads = (0..self.n).map(|i| (self.largest_load(i) * step).powi(2) / self.spec.mass[(i, i)]);
         of_loads.sum::<f64>() + self.rounded_stretches(throughput)
     }
 
-    /// Energies that rounding shows where nothing moves, beside that of the `throughput` E, J: the work of the loads on the displacements
-    /// `reach`, m, that are rounded, and that of the contacts as in [`rounded_energy`](Self::rounded_energy).
+    /// Returns the energy, J, that rounding shows for held bodies, beside that of the `throughput` E. It is the work of the loads on the
+    /// rounded displacements `reach`, m, plus that of the contacts as in [`rounded_energy`](Self::rounded_energy).
     #[must_use]
     pub fn held_energy(&self, reach: &[f64], throughput: f64) -> f64 {
         let of_loads = reach[..self.n].iter().enumerate().map(|(i, reach)| self.largest_load(i) * reach);
         of_loads.sum::<f64>() + self.rounded_stretches(throughput)
     }
 
-    /// The largest load on degree of freedom `i`, N.
+    /// Returns the largest load on degree of freedom `i`, N.
     fn largest_load(&self, i: usize) -> f64 {
         let waves: f64 = self.spec.load_harmonics.iter().map(|load| load.vector[i].abs()).sum();
         let schedules = self.spec.load_schedules.iter().map(|load| (load.factor.maximum() * load.vector[i]).abs());
         self.spec.load[i].abs() + waves + schedules.sum::<f64>()
     }
 
-    /// `√(E Σ k ℓ²)`, J: a stretch is rounded by ε of the flank's distance ℓ.
+    /// Returns `√(E Σ k ℓ²)`, J: a stretch is rounded by ε of the distance ℓ of the flank.
     fn rounded_stretches(&self, throughput: f64) -> f64 {
         let of_flanks = self.contacts[..self.flanks()].iter().map(|c| {
             let distance = c.gap().abs()

@@ -1,4 +1,4 @@
-//! Deflections, forces and accelerations at a point, and their use as a plain vector field.
+//! Deflections, forces and accelerations in a state, and the vector field built from them.
 
 use super::{
     acting::{Acting, Force},
@@ -8,7 +8,7 @@ use super::{
 use crate::hybrid::{Instant, Mode, Rates, VectorField};
 
 impl Structure {
-    /// Transmission error of contact `j` and its first two derivatives, m, m/s, m/s².
+    /// Returns the transmission error of contact `j` and its first two derivatives, m, m/s, m/s².
     pub(crate) fn error(&self, j: usize, at: Instant) -> (f64, f64, f64) {
         let c = &self.contacts[j];
         let (mut e, mut de, mut dde) = (c.spec.error_offset, 0.0, 0.0);
@@ -23,7 +23,7 @@ impl Structure {
         (e, de, dde)
     }
 
-    /// Deflection `δ = gᵀq − e`, m, and its rate, m/s, of contact `j`. `x` is the state, `[dim]`.
+    /// Returns the deflection `δ = gᵀq − e`, m, and its rate, m/s, of contact `j`. `x` is the state, `[dim]`.
     #[must_use]
     pub fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64) {
         let (e, de, _) = self.error(j, at);
@@ -31,14 +31,14 @@ impl Structure {
         (dot(g, x) - e, dot(g, &x[self.n..]) - de)
     }
 
-    /// Contact forces along each `g_j`, N, into `forces`, and accelerations, m/s², into `a` `[n]`.
+    /// Writes the contact forces along each `g_j`, N, into `forces`, and accelerations, m/s², into `a` `[n]`.
     pub fn dynamics(&self, mode: &Mode, at: Instant, x: &[f64], forces: &mut [f64], a: &mut [f64]) {
         forces[..self.contacts.len()].fill(0.0);
         self.carrying(mode).for_each(|acting| forces[acting.contact] = self.law_force(&acting, at, x));
         self.accelerate(mode, at, x, forces, a);
     }
 
-    /// Accelerations, m/s², into `a` `[n]`, under the `forces` of laws, N; those of contacts at rest are added to them.
+    /// Writes accelerations, m/s², into `a` `[n]`, under the `forces` of laws, N; adds the forces of contacts at rest to `forces`.
     pub(crate) fn accelerate(&self, mode: &Mode, at: Instant, x: &[f64], forces: &mut [f64], a: &mut [f64]) {
         a.copy_from_slice(&self.load);
         self.load_waves.iter().for_each(|w| {
@@ -57,7 +57,7 @@ impl Structure {
         self.hold_at_rest(mode, |j| self.error(j, at).2, forces, a);
     }
 
-    /// Forces `wanted` accelerations on the contacts at rest, along each `g_j`, onto `a`, and gives the forces that it takes.
+    /// Adds to `a` the accelerations that give contacts at rest the `wanted` ones along `g_j`, and writes the necessary forces.
     fn hold_at_rest(&self, mode: &Mode, wanted: impl Fn(usize) -> f64, forces: &mut [f64], a: &mut [f64]) {
         let Some(held) = Sticking::new(self, mode) else { return };
         let mut f = zeros(held.contacts().len());
@@ -71,21 +71,21 @@ impl Structure {
         }
     }
 
-    /// Size of the terms whose sum is a deflection, m: its rounding error is a few units of this.
+    /// Returns the size of the terms of a deflection, m: its rounding error is a few units of this.
     pub(crate) fn deflection_size(&self, c: &Contact, x: &[f64]) -> f64 {
         let terms: f64 = c.direction.iter().map(|(i, g)| (g * x[*i as usize]).abs()).sum();
         terms + c.gap().abs() + c.error_sizes[0]
     }
 
-    /// Size of the terms whose sum is a deflection rate, m/s.
+    /// Returns the size of the terms of a deflection rate, m/s.
     pub(crate) fn rate_size(&self, c: &Contact, x: &[f64]) -> f64 {
         let v = &x[self.n..];
         let terms: f64 = c.direction.iter().map(|(i, g)| (g * v[*i as usize]).abs()).sum();
         terms + c.error_sizes[1]
     }
 
-    /// Size of the terms whose sum is the acceleration of contact `j`, m/s²: its rounding error is a few units of
-    /// this. `force` gives the force of any contact of those `carrying` one, N.
+    /// Returns the size of the terms of the acceleration of contact `j`, m/s²: its rounding error is a few units of this. `force` gives the
+    /// force of any contact of those `carrying` one, N.
     pub(crate) fn acceleration_size(
         &self,
         j: usize,
@@ -108,20 +108,20 @@ impl Structure {
         free + contacts + self.contacts[j].error_sizes[2]
     }
 
-    /// Own rates of the elements of a mode, each alone on the mass it feels: freedoms on their supports, closed linear
-    /// contacts on their effective masses. (A power law sets its own time scale and is never stiff by itself.)
+    /// Returns the natural rates of the elements of a mode, each with its effective mass: degrees of freedom on their supports, and closed
+    /// linear contacts. (A power law sets its own time scale and is never stiff by itself.)
     pub(crate) fn own_rates(&self, mode: &Mode) -> Rates {
         let mut rates = Rates::default();
         let mut meet = |square: f64, damping: f64| {
             let omega = square.max(0.0).sqrt();
-            // x″ + d x′ + ω² x: from half the critical damping, d = ω, on, the fast root decays at about d.
+            // x″ + d x′ + ω² x: for at least half the critical damping, d ≥ ω, the fast root decays at about d.
             if damping >= omega {
                 rates.damped = rates.damped.max(damping);
             } else {
                 rates.oscillating = rates.oscillating.max(omega);
             }
         };
-        // Zero beyond the last degree of freedom: that changes no maximum.
+        // Zero beyond the last degree of freedom, which changes no maximum.
         for block in &self.columns.blocks {
             block.by_q.iter().zip(block.by_v).for_each(|(by_q, by_v)| meet(-by_q, -by_v));
         }
@@ -134,9 +134,9 @@ impl Structure {
         rates
     }
 
-    /// The fastest rate of the closed power laws, `max(√(μ dF/dp), μ χ K pⁿ)` with `μ = gᵀM⁻¹g`, and the sizes of the state:
-    /// the displacement `M⁻¹g p/μ` that takes the penetration away, of the least such contact, but at least a twentieth of
-    /// the displacement itself, whose rounding counts; for velocities the rate times that.
+    /// Returns the fastest rate of the closed power laws, `max(√(μ dF/dp), μ χ K pⁿ)` with `μ = gᵀM⁻¹g`, and writes the sizes of the state.
+    /// A displacement size is `M⁻¹g p/μ`, which removes the penetration, of the least such contact. It is at least a twentieth of the
+    /// displacement itself, whose rounding counts. A velocity size is that times the rate.
     pub(crate) fn pressed_sizes(&self, mode: &Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
         let (n, mut fastest) = (self.n, 0.0);
         sizes.fill(f64::INFINITY);
@@ -171,7 +171,7 @@ impl Structure {
         Some(fastest)
     }
 
-    /// `g_iᵀ M⁻¹ g_j`, 1/kg.
+    /// Returns `g_iᵀ M⁻¹ g_j`, 1/kg.
     pub(crate) fn coupling(&self, i: usize, j: usize) -> f64 {
         self.contacts[i].couplings[j]
     }

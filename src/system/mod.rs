@@ -1,7 +1,6 @@
-//! A linear structure with contacts as a hybrid automaton: what acts in a mode, jumps, impacts, energy.
+//! A linear structure with contacts as a hybrid automaton: actions in a mode, jumps, impacts, energy.
 //!
-//! Every train assembles into the same [`Spec`]; a [`Structure`] made from it is all the engine sees. Its smooth motion is the
-//! kernel's.
+//! Every train assembles into the same [`Spec`]; the engine sees only a [`Structure`] made from it. The kernel computes its smooth motion.
 
 mod acting;
 mod assemble;

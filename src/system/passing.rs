@@ -1,12 +1,12 @@
-//! When neighbours of a motion meet an event.
+//! Times at which neighbours of a motion reach an event.
 
 use super::{acting::Force, assemble::Structure, contact_mode::guard_of, tangent::Columns, variation::By};
 use crate::hybrid::{GuardId, Mode};
 
 impl Structure {
-    /// How much earlier neighbours meet the zero of guard `id`, which falls in `mode` at the place of `by`: `h_x ξ/ḣ` for each of the
-    /// `columns` before the event, s, the guard h moving with the numbers of `by` if there are any. `None` where the guard stands still, or
-    /// is the force of a contact at rest.
+    /// Returns the advance `h_x ξ/ḣ`, s, of the zero of guard `id` for each of the `columns` before the event. The guard h falls in `mode`
+    /// at the place of `by`, and depends on the parameters of `by`, if any. `None` if the guard has no rate, or is the force of a contact
+    /// at rest.
     pub(crate) fn earlier(&self, mode: &Mode, id: GuardId, by: By<'_>, columns: &Columns) -> Option<Vec<f64>> {
         let By { variations, at, x } = by;
         let ((j, watch), n) = (guard_of(id), self.n);

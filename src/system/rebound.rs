@@ -1,4 +1,4 @@
-//! The rebound of a train's only contact: Newton's rule and nothing else.
+//! Rebound of the only contact of a train, by Newton's rule alone.
 
 use super::{
     assemble::Structure,
@@ -11,7 +11,7 @@ use crate::{
 };
 
 impl Structure {
-    /// The law by which guard `id` returns what strikes it; `None` if it is no flank of a rigid contact.
+    /// Returns the law of the impacts of guard `id`; `None` if it is no flank of a rigid contact.
     pub(super) fn rebound_law(&self, id: GuardId) -> Option<&Rigid> {
         match (guard_of(id), &self.contacts.get(guard_of(id).0)?.spec.law) {
             ((_, Watch::DriveFlank | Watch::BackFlank), Law::Rigid(law)) => Some(law),
@@ -19,7 +19,7 @@ impl Structure {
         }
     }
 
-    /// The impact of `fired` as the rebound of the train's only contact, if it is no more than that.
+    /// Makes the impact of `fired` as the rebound of the only contact of the train; `None` if it is more than that.
     pub(super) fn rebound_of(
         &self,
         from: &Jump,
@@ -36,8 +36,8 @@ impl Structure {
         Some((id, self.rebound_alone(guard_of(id).1, at, x)?))
     }
 
-    /// The rebound of a train's only contact, open until now, from the flank of `watch`, and how far its deflection was off, m; `None` where
-    /// it may be lost in rounding.
+    /// Makes the rebound of the only contact of a train, open before, from the flank of `watch`. Returns the error of its deflection, m;
+    /// `None` if the rebound may be lost in rounding.
     pub(crate) fn rebound_alone(&self, watch: Watch, at: Instant, x: &mut [f64]) -> Option<f64> {
         let (side, c) = (watch.side(), &self.contacts[0]);
         let Law::Rigid(law) = &c.spec.law else { return None };

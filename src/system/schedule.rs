@@ -1,4 +1,4 @@
-//! Known switching times of a stiffness: kept as instants, never root-found.
+//! Known switching times of a stiffness, stored as instants without a root search.
 
 use std::collections::HashMap;
 
@@ -10,20 +10,20 @@ use crate::{
 /// A stiffness schedule with its switching instants.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Schedule {
-    /// Repeats with the clock, every so many `cycles`: the starts of the pieces in them as phases of the clock, of as many
-    /// repetitions as fit, the first one's cycle offset 0 or −1.
+    /// Repeats with the clock, every `cycles` cycles. The starts of the pieces are phases of the clock, for all repetitions that fit; the
+    /// cycle offset of the first start is 0 or −1.
     Locked { cycles: i64, starts: Vec<Instant>, values: Vec<f64>, slopes: Vec<f64> },
-    /// Repeats with a period of its own.
+    /// Repeats with an independent period.
     Own { period: f64, origin: f64, starts: Vec<f64>, values: Vec<f64>, slopes: Vec<f64> },
-    /// Goes over at listed times to the pieces of these `numbers`, one more than times.
+    /// Switches at listed times to the pieces of these `numbers`, one more than times.
     Listed { times: Vec<Instant>, numbers: Vec<u32>, values: Vec<f64>, slopes: Vec<f64> },
 }
 
-/// Two known times this close (relative to the phase, in units in the last place) are one instant.
+/// Relative difference of two known times below which they are one instant, in units in the last place of the phase.
 const TIE: f64 = 8.0 * f64::EPSILON;
 
-/// Cycles of a clock, and repetitions in them, of a period that is a whole fraction of the clock's or a multiple of it, to
-/// rounding. Such a schedule keeps its phases in every cycle; any other goes by time.
+/// Returns the cycles of a clock and the repetitions in them, if the period is a whole fraction or a multiple of that of the clock, to
+/// rounding. Such a schedule has the same phases in every cycle; any other uses time.
 fn ratio(clock: f64, period: f64) -> Option<(i64, i64)> {
     let (fraction, multiple) = ((clock / period).round(), (period / clock).round());
     let is = |n: f64, part: f64, whole: f64| {
@@ -36,7 +36,7 @@ fn ratio(clock: f64, period: f64) -> Option<(i64, i64)> {
     }
 }
 
-/// The largest such number looked for: periods of a clock in a common cycle.
+/// Largest such number: periods of a clock in a common cycle.
 const MOST: f64 = super::common::MOST as f64;
 
 impl Schedule {
@@ -71,7 +71,7 @@ impl Schedule {
         }
     }
 
-    /// Pieces between listed times. Those of one value without a slope are one piece, whatever their number.
+    /// Returns a schedule of pieces between listed times. Pieces with the same value and no slope are one piece.
     fn listed(times: Vec<Instant>, of: &[f64], rates: &[f64]) -> Self {
         let (mut numbers, mut values, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
         let mut known = HashMap::new();
@@ -87,7 +87,7 @@ impl Schedule {
         Self::Listed { times, numbers, values, slopes }
     }
 
-    /// Piece starts in one repetition.
+    /// Returns the number of piece starts in one repetition.
     fn starts(&self) -> usize {
         match self {
             Self::Locked { starts, .. } => starts.len(),
@@ -96,7 +96,7 @@ impl Schedule {
         }
     }
 
-    /// Start number `i` of repetition `k`.
+    /// Returns start number `i` of repetition `k`.
     #[inline]
     fn start(&self, clock: &Clock, k: i64, i: usize) -> Instant {
         match self {
@@ -109,10 +109,10 @@ impl Schedule {
         }
     }
 
-    /// The repetition that contains `at`, or a neighbour of it.
+    /// Returns the repetition that contains `at`, or a neighbour of it.
     fn repetition(&self, clock: &Clock, at: Instant) -> i64 {
         match self {
-            // Most often one, and a division takes its time.
+            // The usual case is one cycle, and a division is slow.
             Self::Locked { cycles: 1, starts, .. } => at.cycle - starts[0].cycle,
             Self::Locked { cycles, starts, .. } => (at.cycle - starts[0].cycle).div_euclid(*cycles),
             Self::Own { period, origin, .. } => ((clock.time(at).hi - origin) / period).floor() as i64,
@@ -120,7 +120,7 @@ impl Schedule {
         }
     }
 
-    /// The last start that is not after `late`: its repetition, and its place in that. Of listed times how many are not after it.
+    /// Returns repetition and index of the last start not after `late`; for listed times the number of times not after it.
     #[inline]
     fn last(&self, clock: &Clock, late: Instant) -> (i64, usize) {
         let most = match self {
@@ -131,7 +131,7 @@ impl Schedule {
         };
         let is_past = |k: i64, i: usize| self.start(clock, k, i) <= late;
         let k = (most - 1..=most).rev().find(|k| is_past(*k, 0)).unwrap_or(most - 2);
-        // The number of starts after the first one that are not after `late`: few in a repetition, or thousands.
+        // Number of starts after the first one that are not after `late`: few in a repetition, or thousands.
         let [mut past, mut after] = [0, self.starts()];
         while after - past > 1 {
             let middle = past.midpoint(after);
@@ -140,7 +140,7 @@ impl Schedule {
         (k, past)
     }
 
-    /// The last start of piece `number` that is not after `late`, as [`last`](Self::last) gives it.
+    /// Returns the last start of piece `number` that is not after `late`, in the form of [`last`](Self::last).
     #[inline]
     fn last_of(&self, clock: &Clock, late: Instant, number: u32) -> (i64, usize) {
         let (mut k, mut i) = self.last(clock, late);
@@ -148,7 +148,7 @@ impl Schedule {
             Self::Listed { numbers, .. } => i = numbers[..=i].iter().rposition(|own| *own == number).unwrap_or(0),
             Self::Locked { values, .. } | Self::Own { values, .. } => {
                 let count = values.len();
-                // Pieces of one repetition follow on each other.
+                // The pieces of one repetition are consecutive.
                 for _ in 1..count {
                     if (i % count) as u32 == number {
                         break;
@@ -160,7 +160,7 @@ impl Schedule {
         (k, i)
     }
 
-    /// The start that `last` tells of; the first piece of listed times has none.
+    /// Returns the instant of a start given by `last`; the first piece of listed times has none.
     #[inline]
     fn start_of(&self, clock: &Clock, (k, i): (i64, usize)) -> Option<Instant> {
         match self {
@@ -169,7 +169,7 @@ impl Schedule {
         }
     }
 
-    /// The piece in force right after `at`, and the time since it started, s.
+    /// Returns the piece in force right after `at`, and the time since its start, s.
     pub fn piece(&self, clock: &Clock, at: Instant) -> (u32, f64) {
         let (k, i) = self.last(clock, tie(clock, at));
         let number = match self {
@@ -179,14 +179,14 @@ impl Schedule {
         (number, self.start_of(clock, (k, i)).map_or(0.0, |start| clock.between(start, at)))
     }
 
-    /// The time since piece `number` last started, s. Unlike [`piece`](Self::piece) it holds up to and at the piece's
-    /// end, where the next one starts.
+    /// Returns the time since piece `number` last started, s. Unlike [`piece`](Self::piece) it is valid up to and at the end of the piece,
+    /// where the next one starts.
     pub fn elapsed(&self, clock: &Clock, at: Instant, number: u32) -> f64 {
         let last = self.last_of(clock, tie(clock, at), number);
         self.start_of(clock, last).map_or(0.0, |start| clock.between(start, at))
     }
 
-    /// The start of piece `number` that is nearest to `at`.
+    /// Returns the start of piece `number` that is nearest to `at`.
     pub fn start_near(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
         let starts: Vec<Instant> = match self {
             Self::Listed { times, numbers, .. } => {
@@ -203,7 +203,7 @@ impl Schedule {
         starts.into_iter().map(far).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start)
     }
 
-    /// The end of piece `number`, in force at `at`. It is before `at` if the piece is over.
+    /// Returns the end of piece `number`, in force at `at`. It is before `at` if the piece is over.
     pub fn end(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
         let (k, i) = self.last_of(clock, tie(clock, at), number);
         match self {
@@ -213,7 +213,7 @@ impl Schedule {
         }
     }
 
-    /// Value at the start and slope of a piece.
+    /// Returns the value at the start and the slope of a piece.
     pub fn law(&self, piece: u32) -> (f64, f64) {
         match self {
             Self::Locked { values, slopes, .. }

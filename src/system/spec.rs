@@ -8,11 +8,11 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::gear::{Harmonic, Stiffness, contact::Law};
 
-/// Samples of an error on a period of its highest harmonic, and the highest order for which a period of the lowest is searched.
+/// Number of samples of an error on a period of its highest harmonic, and highest order for a search over a period of the lowest.
 const SAMPLES: f64 = 32.0;
 const HIGHEST: f64 = 1000.0;
 
-/// Which flanks of a mesh exist.
+/// Flanks of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flanks {
     /// Drive flank at `δ = +b` and back flank at `δ = −b`.
@@ -35,19 +35,19 @@ pub struct ContactSpec {
     /// Half the total backlash, b, m, ≥ 0: the drive flank is touched at `δ = b`. May be negative for a
     /// single flank only (the position of a wall).
     pub half_backlash: f64,
-    /// Which flanks exist.
+    /// Flanks of the contact.
     pub flanks: Flanks,
     /// Stiffness schedule; ignored by a rigid law.
     pub stiffness: Stiffness,
     /// The law.
     pub law: Law,
-    /// Damper `c δ̇` between the bodies in every state, N s/m, ≥ 0. It is no part of the contact's force, by which the law lets go.
+    /// Damper `c δ̇` between the bodies in every state, N s/m, ≥ 0. It is no part of the contact force that decides the release.
     pub gap_damping: f64,
-    /// The back flank, where it differs from the drive flank.
+    /// Back flank, if it differs from the drive flank.
     pub back: Option<BackFlank>,
 }
 
-/// A back flank with a stiffness and an error of its own, touched at `gᵀq − e = −b`. Law and b are those of the contact.
+/// A back flank with different stiffness and error, touched at `gᵀq − e = −b`. Law and b are those of the contact.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BackFlank {
     /// Stiffness schedule; ignored by a rigid law.
@@ -64,7 +64,7 @@ impl ContactSpec {
         [&self.stiffness].into_iter().chain(self.back.as_ref().map(|back| &back.stiffness))
     }
 
-    /// The same, to be changed.
+    /// Stiffness schedules of both flanks, mutable.
     pub fn schedules_mut(&mut self) -> impl Iterator<Item = &mut Stiffness> {
         [&mut self.stiffness].into_iter().chain(self.back.as_mut().map(|back| &mut back.stiffness))
     }
@@ -74,7 +74,7 @@ impl ContactSpec {
         [&self.error].into_iter().chain(self.back.as_ref().map(|back| &back.error))
     }
 
-    /// The same, to be changed.
+    /// Transmission errors of both flanks, mutable.
     pub fn errors_mut(&mut self) -> impl Iterator<Item = &mut Vec<Harmonic>> {
         [&mut self.error].into_iter().chain(self.back.as_mut().map(|back| &mut back.error))
     }
@@ -85,13 +85,13 @@ impl ContactSpec {
         self.back.iter_mut().for_each(|back| back.error_offset += offset);
     }
 
-    /// The contact with the drive flank alone, where the back flank is a contact of its own.
+    /// Returns the contact with the drive flank alone, if the back flank is a separate contact.
     pub(super) fn front(&self) -> Self {
         let flanks = if self.back.is_some() { Flanks::Drive } else { self.flanks };
         Self { flanks, back: None, ..self.clone() }
     }
 
-    /// The back flank as the drive flank of a contact that is turned round.
+    /// Returns the back flank as the drive flank of a reversed contact.
     pub(super) fn turned(&self) -> Option<Self> {
         let BackFlank { stiffness, error, error_offset } = self.back.clone()?;
         Some(Self {
@@ -103,7 +103,7 @@ impl ContactSpec {
         })
     }
 
-    /// A bound from below on the distance of the flanks, `2b + e − e_back`, m.
+    /// Returns a lower bound on the distance of the flanks, `2b + e − e_back`, m.
     pub(super) fn narrowest_gap(&self) -> f64 {
         let Some(back) = &self.back else { return 2.0 * self.half_backlash };
         // Waves of one frequency add as phasors.
@@ -121,14 +121,14 @@ impl ContactSpec {
         2.0 * self.half_backlash + self.error_offset - back.error_offset - swing
     }
 
-    /// Error and its rate at time `t`, s, without the constant part: m, m/s.
+    /// Returns the error and its rate at time `t`, s, without the constant part: m, m/s.
     #[must_use]
     pub fn error_at(&self, t: f64) -> [f64; 2] {
         sum_at(&self.error, t)
     }
 
-    /// Largest `|ë|` of the error, m/s²: the bound `Σ |a| ω²`, which harmonics of unrelated frequencies come as near to as one likes, or the
-    /// largest over a period if all are multiples of the lowest.
+    /// Returns the largest `|ë|` of the error, m/s², over a period if all harmonics are multiples of the lowest. Otherwise it is the bound
+    /// `Σ |a| ω²`, which harmonics of unrelated frequencies approach arbitrarily closely.
     #[must_use]
     pub fn largest_acceleration(&self) -> f64 {
         let bound = self.error.iter().map(|h| h.amplitude.abs() * h.omega * h.omega).sum();
@@ -137,7 +137,7 @@ impl ContactSpec {
         if self.error.len() < 2 || orders.iter().any(|order| (order - order.round()).abs() > 1e-9 || *order > HIGHEST) {
             return bound;
         }
-        // ë, its first and its second derivative by the angle.
+        // ë, and its first and second derivatives with respect to the angle.
         let at = |angle: f64| {
             self.error.iter().zip(&orders).fold([0.0; 3], |[a, slope, bend], (h, order)| {
                 let (sin, cos) = libm::sincos(order.round() * angle + h.phase);
@@ -147,7 +147,7 @@ impl ContactSpec {
         };
         let highest = orders.iter().fold(1.0, |most: f64, order| most.max(*order));
         let count = (SAMPLES * highest).ceil();
-        // OK to convert: few.
+        // OK to convert: a small number.
         let samples = (0..count as u32).map(|i| std::f64::consts::TAU * f64::from(i) / count);
         let coarse = samples.max_by(|a, b| at(*a)[0].abs().total_cmp(&at(*b)[0].abs())).unwrap_or(0.0);
         let peak = (0..4).fold(coarse, |angle, _| {
@@ -177,19 +177,19 @@ pub struct LoadHarmonic {
     pub phase: f64,
 }
 
-/// A load that follows a schedule, `p(t) · vector`, always acting.
+/// A load with a schedule, `p(t) · vector`, which always acts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadSchedule {
     /// Direction and size, `[n]`.
     pub vector: Vec<f64>,
-    /// The factor p, N where the vector has no unit: steps and ramps, [`Stiffness::Periodic`] or [`Stiffness::Listed`].
+    /// Factor p, N if the vector has no unit: steps and ramps, [`Stiffness::Periodic`] or [`Stiffness::Listed`].
     pub factor: Stiffness,
 }
 
 /// A linear structure with contacts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spec {
-    /// Names of the freedoms, `[n]`.
+    /// Names of the degrees of freedom, `[n]`.
     pub freedoms: Vec<String>,
     /// Mass matrix M, kg, `[n × n]`, symmetric positive definite.
     pub mass: DMatrix<f64>,
@@ -209,12 +209,12 @@ pub struct Spec {
     pub omega: Option<f64>,
     /// The bearings whose forces are measured. Their stiffness and damping are in K and C already.
     pub bearings: Vec<Bearing>,
-    /// Contacts that share the load of a central gear: those of all its planets.
+    /// Contacts that share the load of a central gear: those with all its planets.
     pub shared: Vec<Vec<usize>>,
 }
 
 impl Spec {
-    /// The train with the dampers of its gaps as part of C and of the loads: `c δ̇ = c (gᵀq̇ − ė)`.
+    /// Moves the dampers of the gaps into C and the loads: `c δ̇ = c (gᵀq̇ − ė)`.
     pub(super) fn with_gap_dampers(mut self) -> Self {
         for contact in &mut self.contacts {
             let c = std::mem::take(&mut contact.gap_damping);
@@ -237,13 +237,13 @@ impl Spec {
         self
     }
 
-    /// The flanks as contacts: all contacts, then the back flanks that differ.
+    /// Iterates over the flanks as contacts: all contacts, then the back flanks that differ.
     pub(super) fn flanks(&self) -> impl Iterator<Item = ContactSpec> {
         let fronts = self.contacts.iter().map(ContactSpec::front);
         fronts.chain(self.contacts.iter().filter_map(ContactSpec::turned))
     }
 
-    /// The load without its harmonics, N, `[n]`: schedules with their means, listed ones with their value at `t = 0`.
+    /// Returns the load without its harmonics, N, `[n]`: schedules with their means, listed ones with their value at `t = 0`.
     #[must_use]
     pub fn resting_load(&self) -> Vec<f64> {
         let mut load = self.load.clone();
@@ -255,12 +255,12 @@ impl Spec {
     }
 }
 
-/// A bearing: a body held by springs and dampers.
+/// A bearing: springs and dampers that support a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bearing {
     /// Name of the body.
     pub name: String,
-    /// A spring for each direction in which it gives way.
+    /// One spring for each direction in which the bearing is elastic.
     pub springs: Vec<BearingSpring>,
 }
 
@@ -278,7 +278,7 @@ pub struct BearingSpring {
 }
 
 impl BearingSpring {
-    /// Force `k d·q + c d·q̇` in a state that begins with q and q̇, N.
+    /// Returns the force `k d·q + c d·q̇` in a state that begins with q and q̇, N.
     #[must_use]
     pub fn force(&self, x: &[f64]) -> f64 {
         let along = |part: &[f64]| self.direction.iter().zip(part).fold(0.0, |sum, (d, x)| sum + d * x);

@@ -8,8 +8,8 @@ use crate::{
     linalg::{EigenError, Modes, natural_modes},
 };
 
-/// `K + Σ k̄_j g_j g_jᵀ`, N/m, `[n × n]`: supports and every mesh at its mean stiffness, or at the stiffnesses
-/// given, one per contact (as from [`tangent_stiffness`]).
+/// Returns `K + Σ k̄_j g_j g_jᵀ`, N/m, `[n × n]`: supports and every mesh at its mean stiffness, or at the given stiffnesses, one per
+/// contact (as from [`tangent_stiffness`]).
 #[must_use]
 pub fn bonded_stiffness(spec: &Spec, contacts: Option<&[f64]>) -> DMatrix<f64> {
     let mut total = spec.stiffness.clone();
@@ -33,14 +33,14 @@ pub fn bonded_modes(spec: &Spec) -> Result<Modes, EigenError> {
 /// The train at rest under its constant load with every contact closed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Equilibrium {
-    /// Coordinates q, m, `[n]`; the least ones where the structure can move freely.
+    /// Coordinates q, m, `[n]`; those of least norm if the structure can move freely.
     pub position: Vec<f64>,
-    /// Contact forces, N, one per contact; a negative one means this contact would have to pull.
+    /// Contact forces, N, one per contact; a negative force means that the contact would have to pull.
     pub forces: Vec<f64>,
 }
 
 impl Equilibrium {
-    /// Tells that contact `j` would have to pull on its flank, by more than 1e-9 of the largest force.
+    /// Returns whether contact `j` would have to pull on its flank, by more than 1e-9 of the largest force.
     #[must_use]
     pub fn pulls(&self, spec: &Spec, is_back: &[bool], j: usize) -> bool {
         let largest = self.forces.iter().fold(0.0, |m: f64, force| m.max(force.abs()));
@@ -49,7 +49,7 @@ impl Equilibrium {
     }
 }
 
-/// Why there is no [`Equilibrium`].
+/// Reason for which there is no [`Equilibrium`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EquilibriumError {
     /// The loads do not balance on a structure that can move freely.
@@ -61,26 +61,26 @@ pub enum EquilibriumError {
     /// The force of a rigid contact has no stiffness.
     #[error("{contact}: contact stiffness is inf; it must be finite for an equilibrium")]
     Rigid {
-        /// Which contact.
+        /// Name of the contact.
         contact: String,
     },
 }
 
-/// Solves `K q + Σ g F(gᵀq − e₀ − b) = f₀` for contacts on their drive flanks at mean stiffness: `F = k̄ p` for linear
-/// laws, `F = K |p|ⁿ sign p` for power laws (Newton's method). Every law is continued to p < 0 as if it could pull, so
-/// that "closed" means the same for all: what no load acts on lies on its flank.
+/// Solves `K q + Σ g F(gᵀq − e₀ − b) = f₀` for contacts on their drive flanks at mean stiffness: `F = k̄ p` for linear laws, `F = K |p|ⁿ
+/// sign p` for power laws (Newton's method). Every law is continued to p < 0 as if it could pull, so that "closed" has one meaning: an
+/// unloaded contact lies on its flank.
 ///
 /// Free motions (eigenvalues below `16 n ε ‖·‖`) carry no load in an equilibrium.
 ///
 /// # Errors
-/// [`EquilibriumError::Unbalanced`] if more than 1e-9 of the largest load (and rounding) is left over (a load on a free
-/// motion); [`EquilibriumError::Rigid`] for a rigid contact, whose force has no stiffness.
+/// [`EquilibriumError::Unbalanced`] if more than 1e-9 of the largest load (and rounding) remains (a load on a free motion);
+/// [`EquilibriumError::Rigid`] for a rigid contact, whose force has no stiffness.
 pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
     let load = DVector::from_column_slice(&spec.resting_load());
     let scale = load.amax();
     let mut penetrations = Vec::with_capacity(spec.contacts.len());
     for contact in &spec.contacts {
-        // From above, Newton's method falls on a convex force without overshooting.
+        // From above, Newton's method descends on a convex force without overshooting.
         penetrations.push(match contact.law {
             Law::Rigid(_) => return Err(EquilibriumError::Rigid { contact: contact.name.clone() }),
             Law::Power(law) => loaded(contact, law, scale),
@@ -94,7 +94,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
             forces: vec![0.0; spec.contacts.len()],
         });
     }
-    // What flanks away from the origin push with cancels; its rounding does not.
+    // The forces of flanks away from the origin cancel; their rounding does not.
     let flanks = spec.contacts.iter().zip(&directions).map(|(contact, g)| {
         (contact.stiffness.mean() * (contact.error_offset + contact.half_backlash)).abs() * g.amax()
     });
@@ -114,7 +114,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
             rest -= force(contact, *p, scale)[0] * g;
         }
         let residual = rest.amax();
-        // Down to where round-off stops the descent.
+        // The iteration ends where round-off stops the descent.
         match &best {
             Some((least, position)) if residual >= *least => {
                 if *least > allowed {
@@ -134,11 +134,11 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
     }
 }
 
-/// The [`equilibrium`] with each contact on the flank that the load presses, and whether that is its back flank. A contact that pulls on one
-/// flank is tried on the other one. Where that does not end, all are on their drive flanks, and some pull.
+/// Returns the [`equilibrium`] with each contact on the flank that the load presses, and for each whether that is its back flank. A contact
+/// that pulls on one flank is moved to the other. Without convergence all stay on their drive flanks, and some pull.
 ///
 /// # Errors
-/// [`EquilibriumError`], for the same causes as [`equilibrium`].
+/// [`EquilibriumError`], for the same reasons as [`equilibrium`].
 pub fn pressed(spec: &Spec) -> Result<(Equilibrium, Vec<bool>), EquilibriumError> {
     let on_drive = equilibrium(spec)?;
     let mut turned = spec.clone();
@@ -161,7 +161,7 @@ pub fn pressed(spec: &Spec) -> Result<(Equilibrium, Vec<bool>), EquilibriumError
     Ok((on_drive, vec![false; len]))
 }
 
-/// Lets the one flank of a contact stand where the other one does.
+/// Exchanges the places of the flanks of a contact.
 fn exchange(contact: &mut ContactSpec) {
     contact.half_backlash *= -1.0;
     if let Some(back) = &mut contact.back {
@@ -171,11 +171,11 @@ fn exchange(contact: &mut ContactSpec) {
     }
 }
 
-/// The state that follows the errors at time `t`, s, without inertia: the flanks [`pressed`] with the errors of that time, and the velocities
-/// with which it changes, `(K + Σ k_j g_j g_jᵀ) q̇ = Σ k_j g_j ė_j` with the [`tangent_stiffness`] k_j. Loads keep their means.
+/// Returns the state that follows the errors at time `t`, s, without inertia, and its velocities. Flanks are [`pressed`] with the errors of
+/// that time, and `(K + Σ k_j g_j g_jᵀ) q̇ = Σ k_j g_j ė_j` with the [`tangent_stiffness`] k_j. Loads keep their means.
 ///
 /// # Errors
-/// [`EquilibriumError`], for the same causes as [`equilibrium`].
+/// [`EquilibriumError`], for the same reasons as [`equilibrium`].
 pub fn quasi_static(spec: &Spec, t: f64) -> Result<(Equilibrium, Vec<bool>, Vec<f64>), EquilibriumError> {
     let mut moved = spec.clone();
     for contact in &mut moved.contacts {
@@ -195,8 +195,8 @@ pub fn quasi_static(spec: &Spec, t: f64) -> Result<(Equilibrium, Vec<bool>, Vec<
     Ok((at, is_back, velocity.iter().copied().collect()))
 }
 
-/// Stiffness of every contact for small motions about an equilibrium, N/m: the mean stiffness of a linear law,
-/// `n K^{1/n} F^{1−1/n}` of a power law under the force F (0 where nothing presses on it).
+/// Returns the stiffness of every contact for small motions about an equilibrium, N/m: the mean stiffness of a linear law, `n K^{1/n}
+/// F^{1−1/n}` of a power law under the force F (0 if nothing presses on it).
 #[must_use]
 pub fn tangent_stiffness(spec: &Spec, at: &Equilibrium) -> Vec<f64> {
     let tangent = |(contact, force): (&ContactSpec, &f64)| match contact.law {
@@ -209,7 +209,7 @@ pub fn tangent_stiffness(spec: &Spec, at: &Equilibrium) -> Vec<f64> {
     spec.contacts.iter().zip(&at.forces).map(tangent).collect()
 }
 
-/// All contacts on their flanks by what no spring holds: nothing pushes anywhere, not even by rounding. `None` if that does not close them.
+/// Places all contacts on their flanks by unsupported coordinates alone, without any force; `None` if that does not close them.
 fn unloaded(spec: &Spec, directions: &[DVector<f64>]) -> Option<DVector<f64>> {
     let is_free = |i: usize| spec.stiffness.row(i).iter().chain(&spec.stiffness.column(i)).all(|k| *k == 0.0);
     let free = DVector::from_fn(spec.freedoms.len(), |i, _| f64::from(u8::from(is_free(i))));
@@ -227,13 +227,13 @@ fn unloaded(spec: &Spec, directions: &[DVector<f64>]) -> Option<DVector<f64>> {
     spec.contacts.iter().zip(directions).all(is_closed).then_some(position)
 }
 
-/// Penetration of a power law under the whole load.
+/// Returns the penetration of a power law under the whole load.
 fn loaded(contact: &ContactSpec, law: PowerLaw, load: f64) -> f64 {
     libm::pow(load / contact.stiffness.mean(), law.exponent.value().recip())
 }
 
-/// Force and its slope at penetration p on the drive flank, at mean stiffness. Near p = 0, where a power law has no slope,
-/// its chord stands for it: below a millionth of the penetration under the whole load, or everywhere without load.
+/// Returns the force, N, and its slope, N/m, at penetration p, m, on the drive flank, at mean stiffness. Near p = 0 the slope of a power
+/// law is replaced by that of a chord: below a millionth of the penetration under the whole load, or everywhere without load.
 fn force(contact: &ContactSpec, p: f64, load: f64) -> [f64; 2] {
     let k = contact.stiffness.mean();
     match contact.law {
@@ -247,8 +247,8 @@ fn force(contact: &ContactSpec, p: f64, load: f64) -> [f64; 2] {
     }
 }
 
-/// The shortest `x` with `A x = b` on the range of the symmetric matrix A, with one step of refinement: springs of
-/// 1e10 N/m beside 1e5 N/m cost the eigenvectors their last digits.
+/// Returns the shortest `x` with `A x = b` on the range of the symmetric matrix A, with one step of refinement: springs of 1e10 N/m beside
+/// 1e5 N/m cost the eigenvectors their last digits.
 fn least_solution(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
     let eigen = SymmetricEigen::new(a.clone());
     let floor = 16.0 * a.nrows() as f64 * f64::EPSILON * eigen.eigenvalues.amax();

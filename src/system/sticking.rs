@@ -1,4 +1,4 @@
-//! Rigid contacts at rest: the multipliers that hold them.
+//! Rigid contacts at rest, and the multipliers that hold them.
 
 use smallvec::SmallVec;
 
@@ -10,24 +10,24 @@ use crate::hybrid::Mode;
 
 /// The resting contacts of a mode, and the factors of their mobility matrix `W = G M⁻¹ Gᵀ`.
 ///
-/// `W = L D Lᵀ`; a pivot that vanishes belongs to a contact that the ones before it already hold. The motion does not depend on
-/// how such contacts share the load; the multipliers of least norm are taken, which treat equal contacts equally: with
-/// `B = L √D` and `S = BᵀB` they are `B S⁻² Bᵀ r`.
+/// `W = L D Lᵀ`; a pivot that vanishes belongs to a contact that the previous ones already hold. The motion does not depend on the
+/// distribution of the load among such contacts. The multipliers of least norm treat equal contacts equally: with `B = L √D` and `S = BᵀB`
+/// they are `B S⁻² Bᵀ r`.
 #[derive(Debug)]
 pub(crate) struct Sticking {
     set: PerContact<usize>,
     factor: SmallVec<[PerContact<f64>; 4]>,
     pivot: PerContact<f64>,
-    /// Cholesky factor of S, where a contact is redundant.
+    /// Cholesky factor of S, if a contact is redundant.
     shared: Option<Vec<PerContact<f64>>>,
 }
 
-/// A pivot below this fraction of its diagonal entry is a redundant contact: far above rounding (10⁻¹⁶
-/// times the number of contacts), far below any mass ratio of a gear train.
+/// Ratio of a pivot to its diagonal entry below which the contact is redundant: far above rounding (10⁻¹⁶ times the number of contacts),
+/// far below any mass ratio of a gear train.
 const REDUNDANT: f64 = 1e-12;
 
 impl Sticking {
-    /// The resting contacts of `mode`; `None` if there are none.
+    /// Factors the resting contacts of `mode`; `None` if there are none.
     pub fn new(s: &Structure, mode: &Mode) -> Option<Self> {
         let resting = |j: &usize| s.contacts[*j].spec.law.is_rigid() && contact_mode(mode, *j).is_closed();
         let mut resting = (0..s.contacts.len()).filter(resting).peekable();
@@ -35,7 +35,7 @@ impl Sticking {
         Some(Self::of(s, resting))
     }
 
-    /// The given contacts, closed or not.
+    /// Factors the given contacts, closed or not.
     pub fn of(s: &Structure, contacts: impl Iterator<Item = usize>) -> Self {
         let set: PerContact<usize> = contacts.collect();
         let mut factor: SmallVec<[PerContact<f64>; 4]> = SmallVec::new();
@@ -63,7 +63,7 @@ impl Sticking {
         sticking
     }
 
-    /// `B_ij`, zero in the columns of redundant contacts.
+    /// Returns `B_ij`, zero in the columns of redundant contacts.
     fn half(&self, i: usize, j: usize) -> f64 {
         if i < j { 0.0 } else { self.factor[i][j] * self.pivot[j].sqrt() }
     }
@@ -85,7 +85,7 @@ impl Sticking {
         self.shared = Some(s);
     }
 
-    /// `B S⁻² Bᵀ r`, in place.
+    /// Replaces `r` by `B S⁻² Bᵀ r`.
     fn solve_shared(&self, s: &[PerContact<f64>], r: &mut [f64]) {
         let n = self.set.len();
         let mut y = zeros(n);
@@ -105,12 +105,12 @@ impl Sticking {
         }
     }
 
-    /// Whether some of the contacts hold others.
+    /// Returns whether some of the contacts hold others.
     pub fn is_redundant(&self) -> bool {
         self.shared.is_some()
     }
 
-    /// Whether these contacts hold contact `j`: its direction is a combination of theirs.
+    /// Returns whether these contacts hold contact `j`: its direction is a combination of theirs.
     pub fn holds(&self, s: &Structure, j: usize) -> bool {
         let mut row = zeros(self.set.len());
         let mut left = s.coupling(j, j);
@@ -124,7 +124,7 @@ impl Sticking {
         left <= REDUNDANT * s.coupling(j, j)
     }
 
-    /// How many of the contacts are not held by the others.
+    /// Returns the number of contacts that the others do not hold.
     pub fn independent(&self) -> usize {
         self.pivot.iter().filter(|pivot| **pivot > 0.0).count()
     }
@@ -133,7 +133,7 @@ impl Sticking {
         &self.set
     }
 
-    /// Column `k` of `W⁻¹`.
+    /// Returns column `k` of `W⁻¹`.
     pub fn inverse_column(&self, k: usize) -> PerContact<f64> {
         let mut column = zeros(self.set.len());
         column[k] = 1.0;

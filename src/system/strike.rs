@@ -1,4 +1,4 @@
-//! The derivative of impacts at one instant.
+//! Derivative of impacts at one instant.
 
 use super::{
     assemble::{PerContact, Structure, dot, zeros},
@@ -12,7 +12,7 @@ use crate::{
     hybrid::{Instant, Jump, Mode},
 };
 
-/// Impacts at one instant that depend on each other: modes and states before and after them.
+/// Dependent impacts at one instant: modes and states before and after them.
 struct Impact<'a> {
     active: &'a Sticking,
     modes: [&'a Mode; 2],
@@ -21,8 +21,8 @@ struct Impact<'a> {
 }
 
 impl Structure {
-    /// Impacts of the rigid contacts `strikers` at one instant, one group after the other: contacts of different groups, and those at rest
-    /// beside them, do not change each other's speeds.
+    /// Advances columns over the impacts of the rigid contacts `strikers` at one instant, group by group. Contacts of different groups, and
+    /// contacts at rest beside them, do not change each other's speeds.
     pub(super) fn strike_columns(
         &self,
         (from, to): (&Jump, &Jump),
@@ -33,13 +33,13 @@ impl Structure {
         columns: &mut Columns,
     ) {
         let rests = |mode: &Mode, j: usize| self.contacts[j].spec.law.is_rigid() && contact_mode(mode, j).is_closed();
-        // A contact at rest that the impact lets go, and gives no impulse, has no part in it.
+        // A contact at rest that the impact releases without an impulse does not take part.
         let is_struck = |j: usize| to.struck.iter().any(|id| guard_of(id).0 == j);
         let takes_part = |j: &usize| rests(&from.mode, *j) && (rests(&to.mode, *j) || is_struck(*j));
         let resting = (0..self.contacts.len()).filter(takes_part);
         let groups = self.groups(strikers.iter().copied().chain(resting).collect());
         let mut groups = groups.iter().filter(|group| group.iter().any(|j| strikers.contains(j))).peekable();
-        // One plus the restitution, by the rate of the deflection; a contact at rest, or one that comes to rest, has none.
+        // One plus the restitution, as a function of the rate of the deflection; 1 for a contact at rest, or one that comes to rest.
         let of = |train: &Self, (j, rate): (usize, f64), part: fn(&Restitution, f64) -> f64| match &train.contacts[j]
             .spec
             .law
@@ -49,7 +49,7 @@ impl Structure {
             }
             _ => 1.0,
         };
-        // What soft contacts do at this instant is done.
+        // The jumps of soft contacts at this instant are already made.
         let mut mode = to.mode.clone();
         let rigid = (0..self.contacts.len()).filter(|j| self.contacts[*j].spec.law.is_rigid());
         rigid.for_each(|j| set_contact(&mut mode, j, contact_mode(&from.mode, j)));
@@ -65,7 +65,7 @@ impl Structure {
             } else {
                 (mode, x) = (to.mode.clone(), x_plus.to_vec());
             }
-            // How much earlier the impact comes: `gᵀδq/δ̇`, the mean of those that strike together.
+            // Advance of the impact: `gᵀδq/δ̇`, the mean of the contacts that strike together.
             let speeds =
                 group.iter().filter(|j| strikers.contains(j)).map(|j| (*j, self.deflection(*j, at, &x_before).1));
             let is_fast =
@@ -77,22 +77,22 @@ impl Structure {
                 earlier.iter_mut().zip(&along).for_each(|(e, a)| *e += a / (rate * fast.len() as f64));
             }
             let impact = Impact { active: &active, modes: [&before, &mode], states: [&x_before, &x], at };
-            // A change of the approach changes the rebound by the restitution's own change too.
+            // A change of the approach speed also changes the restitution.
             let rate = |j: usize| self.deflection(j, at, &x_before).1;
             let slopes = |j: usize| of(self, (j, rate(j)), Restitution::rebound_slope);
             self.strike_group(&impact, slopes, &earlier, columns);
-            // By the own speed and its slope there: the speed of a neighbour may lie beyond a corner of the law.
+            // Restitution at the nominal speed, with its slope there: the speed of a neighbour may lie beyond a corner of the law.
             let returns = |train: &Self, j: usize, other: f64| {
                 let (own, e) = (rate(j), of(train, (j, rate(j)), Restitution::at));
                 if other == 0.0 { e } else { (e * own + slopes(j) * (other - own)) / other }
             };
             by.iter().for_each(|by| self.strike_by(group, returns, *by, columns));
         }
-        // Where contacts have come to rest both gap and rate stay zero.
+        // Contacts that have come to rest keep zero gap and rate.
         self.restrain(&to.mode, by.map(|by| By { x: x_plus, ..by }), columns);
     }
 
-    /// Contacts, each with those that an impulse on it reaches, of contact by contact.
+    /// Groups the contacts: each with those that an impulse on it reaches, directly or through others.
     fn groups(&self, contacts: PerContact<usize>) -> Vec<PerContact<usize>> {
         let mut groups: Vec<PerContact<usize>> = Vec::new();
         for j in contacts {
@@ -104,8 +104,8 @@ impl Structure {
         groups
     }
 
-    /// Whether what contact `i` does at `at` depends on an impact of contact `j` just before: by its speed, or, through a damper, by its
-    /// acceleration.
+    /// Returns whether the action of contact `i` at `at` depends on an impact of contact `j` just before: through its speed, or, through a
+    /// damper, through its acceleration.
     pub(super) fn depends(&self, (i, j): (usize, usize), mode: &Mode, at: Instant, x: &[f64]) -> bool {
         let mut struck = x.to_vec();
         let rate = self.deflection(j, at, x).1;
@@ -114,7 +114,7 @@ impl Structure {
         self.coupling(i, j) != 0.0 || acceleration(&struck) != acceleration(x)
     }
 
-    /// One group of impacts: `v⁺ = v⁻ − W (G W)⁻¹ (I + E) (G v⁻ − ė)` with `W = M⁻¹Gᵀ`, which comes `earlier`, s.
+    /// Advances columns over one group of impacts: `v⁺ = v⁻ − W (G W)⁻¹ (I + E) (G v⁻ − ė)` with `W = M⁻¹Gᵀ`, which comes `earlier`, s.
     fn strike_group(
         &self,
         impact: &Impact<'_>,
@@ -148,8 +148,8 @@ impl Structure {
         }
     }
 
-    /// `W (G W)⁻¹ (I + E) y` of the contacts in `active`, component by component to `take`: what impacts take from velocities. `returns`
-    /// gives one plus the restitution, `y` the rate, of a contact.
+    /// Passes `W (G W)⁻¹ (I + E) y` of the contacts in `active`, component by component, to `take`: the loss of velocity in impacts.
+    /// `returns` gives one plus the restitution of a contact, `y` its rate.
     pub(crate) fn rebound(
         &self,
         active: &Sticking,

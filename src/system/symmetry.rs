@@ -1,18 +1,18 @@
-//! Degrees of freedom and contacts that are equal, and stay so bit for bit.
+//! Equal degrees of freedom and contacts, which stay equal bit for bit.
 //!
-//! The classes are an equitable partition of the train: members of a class have the same numbers and meet the same number of
-//! members of every other class with the same couplings. States that are equal within each class then stay equal under the flow and
-//! under every jump that treats equal contacts equally. Arithmetic keeps that along a step, where equal rows are summed in the same
-//! order; where a system of equations is solved it does not, and [`Symmetry::restore`] puts it back.
+//! The classes are an equitable partition of the train. Members of a class have the same parameters, and the same number of couplings of
+//! each kind with members of every other class. States that are equal within each class then stay equal under the flow and under every jump
+//! that treats equal contacts equally. Along a step, equal rows are summed in the same order, which keeps this bit for bit. The solution of
+//! equations does not, and [`Symmetry::restore`] repairs it.
 
 use std::collections::BTreeMap;
 
 use super::{ContactSpec, Spec, assemble::PerContact};
 
-/// Differences below this fraction of a value are rounding of a solved system.
+/// Relative difference below which values differ only by the rounding of a solved system.
 const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
-/// Numbers of classes, and the value that their members share.
+/// Class number and shared value of its members, for each class.
 pub(crate) type Equal = PerContact<(usize, f64)>;
 
 /// The classes with more than one member.
@@ -22,7 +22,7 @@ pub(crate) struct Symmetry {
     contacts: Vec<Vec<usize>>,
 }
 
-/// Numbers the distinct signatures in the order of their first member.
+/// Numbers the distinct signatures in order of their first member.
 fn number(signatures: Vec<Vec<u64>>) -> Vec<u64> {
     let mut known = BTreeMap::new();
     let mut colours = Vec::with_capacity(signatures.len());
@@ -40,7 +40,7 @@ fn classes(colours: &[u64]) -> Vec<Vec<usize>> {
 }
 
 impl Symmetry {
-    /// The coarsest equitable partition, by refinement of colours.
+    /// Returns the coarsest equitable partition, by refinement of colours.
     pub fn new(spec: &Spec, flanks: &[ContactSpec]) -> Self {
         let n = spec.freedoms.len();
         let matrices = [&spec.mass, &spec.damping, &spec.stiffness];
@@ -53,7 +53,7 @@ impl Symmetry {
                 })
                 .collect(),
         );
-        // All that a contact is, its name and direction apart.
+        // All properties of a contact except its name and direction.
         let text = |c: &ContactSpec| {
             let own = format!("{:?}", (c.law, &c.error, c.error_offset, c.half_backlash, c.flanks, &c.stiffness));
             own.into_bytes().into_iter().map(u64::from).collect()
@@ -91,12 +91,12 @@ impl Symmetry {
         }
     }
 
-    /// The classes of equal degrees of freedom; in each the members stand in the order of the train.
+    /// Returns the classes of equal degrees of freedom, with the members in the order of the train.
     pub fn freedoms(&self) -> &[Vec<usize>] {
         &self.freedoms
     }
 
-    /// For each of `n` degrees of freedom, and of so many `contacts`, the first one of its class.
+    /// Returns the index of the first member of the class of each of `n` degrees of freedom and of each of `contacts` contacts.
     pub fn firsts(&self, n: usize, contacts: usize) -> [Box<[usize]>; 2] {
         [(n, &self.freedoms), (contacts, &self.contacts)].map(|(count, classes)| {
             let mut firsts: Box<[usize]> = (0..count).collect();
@@ -105,31 +105,31 @@ impl Symmetry {
         })
     }
 
-    /// Whether no two degrees of freedom are equal.
+    /// Returns whether no two degrees of freedom are equal.
     pub fn is_empty(&self) -> bool {
         self.freedoms.is_empty()
     }
 
-    /// The classes of degrees of freedom whose members are equal in `values`, and their values.
+    /// Returns the classes of degrees of freedom whose members are equal in `values`, and these values.
     pub fn equal(&self, values: &[f64]) -> Equal {
         let is_equal = |class: &Vec<usize>| class.iter().all(|i| values[*i] == values[class[0]]);
         let numbered = self.freedoms.iter().enumerate();
         numbered.filter(|(_, class)| is_equal(class)).map(|(c, class)| (c, values[class[0]])).collect()
     }
 
-    /// Makes the members of the classes in `equal` equal again, where they differ by rounding only.
+    /// Makes the members of the classes in `equal` equal again, if they differ only by rounding.
     pub fn restore(&self, equal: &Equal, values: &mut [f64]) {
         for (class, before) in equal {
             restore(&self.freedoms[*class], before.abs(), values);
         }
     }
 
-    /// Whether all contacts of each class are in the same state, as `state` gives it.
+    /// Returns whether all contacts of each class agree in the value that `state` returns.
     pub fn agree<T: PartialEq>(&self, state: impl Fn(usize) -> T) -> bool {
         self.contacts.iter().all(|class| class.iter().all(|j| state(*j) == state(class[0])))
     }
 
-    /// Gives the members of the classes in `equal` that are equal in `values` the low part of the first.
+    /// Copies the low part of the first member to the members of each class in `equal` that are equal in `values`.
     pub fn share(&self, equal: &Equal, values: &[f64], low: &mut [f64]) {
         for (class, _) in equal {
             let class = &self.freedoms[*class];
@@ -140,12 +140,12 @@ impl Symmetry {
         }
     }
 
-    /// Whether all members of all classes are equal in `values`.
+    /// Returns whether all members of all classes are equal in `values`.
     pub fn are_all_equal(&self, values: &[f64]) -> bool {
         self.freedoms.iter().all(|class| class.iter().all(|i| values[*i] == values[class[0]]))
     }
 
-    /// Makes the forces of the contacts of each class equal, where all of it is in `held` and they differ by rounding only.
+    /// Makes the forces of the contacts of each class equal, if the whole class is in `held` and they differ only by rounding.
     pub fn restore_forces(&self, held: &[usize], forces: &mut [f64]) {
         let size = forces[..held.len()].iter().fold(0.0, |m: f64, f| m.max(f.abs()));
         for class in &self.contacts {
@@ -157,7 +157,7 @@ impl Symmetry {
     }
 }
 
-/// Makes `values` at the places of a class equal; `size` is that of the terms they were summed from.
+/// Makes `values` of the members of a class equal; `size` is the size of the terms that were summed.
 fn restore(class: &[usize], size: f64, values: &mut [f64]) {
     let first = values[class[0]];
     if class.iter().all(|i| (values[*i] - first).abs() <= ROUNDING * (size + first.abs())) {

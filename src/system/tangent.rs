@@ -1,8 +1,8 @@
-//! The derivative of the motion: what small changes of the state become along a mode and across a jump.
+//! Derivative of the motion: small changes of the state along a mode and across a jump.
 //!
-//! Between jumps columns `ξ = ∂x` obey `ξ̇ = f_x(t, x) ξ`. Across a jump at a guard h with the reset R they become
-//! `R_x ξ + (f⁺ − R_x f⁻ − R_t) h_x ξ/ḣ` (Aizerman and Gantmacher 1958): the saltation matrix. It stands here in closed form for each kind
-//! of jump; no form divides by a speed but those of impacts and of a latched speed.
+//! Between jumps columns `ξ = ∂x` obey `ξ̇ = f_x(t, x) ξ`. Across a jump at a guard h with the reset R they become `R_x ξ + (f⁺ − R_x f⁻ −
+//! R_t) h_x ξ/ḣ` (Aizerman and Gantmacher 1958): the saltation matrix. It has a closed form for each kind of jump here; only those of
+//! impacts and of a latched speed divide by a speed.
 
 use super::{
     acting::{Acting, Elasticity, Force},
@@ -17,17 +17,17 @@ use crate::{
     vectors::Path,
 };
 
-/// Changes of a state side by side: one row of `count` numbers for each component of the state.
+/// Changes of a state side by side: one row of `count` values for each component of the state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Columns {
-    /// How many.
+    /// Number of columns.
     pub count: usize,
-    /// `[dim][count]`.
+    /// Components, `[dim][count]`.
     pub values: Vec<f64>,
 }
 
 impl Columns {
-    /// The columns of the unit matrix of `dim` rows.
+    /// Returns the columns of the unit matrix of `dim` rows.
     #[must_use]
     pub fn unit(dim: usize) -> Self {
         let mut values = vec![0.0; dim * dim];
@@ -35,7 +35,7 @@ impl Columns {
         Self { count: dim, values }
     }
 
-    /// Component `i` of all of them.
+    /// Returns component `i` of all columns.
     #[must_use]
     pub fn row(&self, i: usize) -> &[f64] {
         &self.values[i * self.count..(i + 1) * self.count]
@@ -51,12 +51,12 @@ impl Columns {
     }
 }
 
-/// Columns that are moved side by side: two vectors of four.
+/// Number of columns advanced side by side: two vectors of four.
 pub(crate) const LANES: usize = 8;
-/// A component of so many columns.
+/// One component of these columns.
 pub(crate) type Lanes = [f64; LANES];
 
-/// The same as two vectors. From plain arrays the compiler makes scalar products in large loops.
+/// One component of these columns as two vectors. From plain arrays the compiler makes scalar products in large loops.
 #[derive(Clone, Copy)]
 pub(crate) struct Eight<P: Path>([P::Four; 2]);
 
@@ -93,7 +93,7 @@ impl<P: Path> Eight<P> {
         lanes
     }
 
-    /// Whether all sizes are below `most`. NaN is not.
+    /// Returns whether all sizes are below `most`. NaN is not.
     #[inline(always)]
     pub fn is_below(self, path: P, most: f64) -> bool {
         let ([first, second], most) = (self.0, path.all(most));
@@ -101,7 +101,7 @@ impl<P: Path> Eight<P> {
     }
 }
 
-/// How the force of a contact along its direction changes with deflection, rate and latched speed.
+/// Derivatives of the force of a contact along its direction with respect to deflection, rate and latched speed.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     contact: usize,
@@ -110,39 +110,39 @@ struct Change {
     by_latch: Option<(usize, f64)>,
 }
 
-/// `f_x` of a mode at a place.
+/// `f_x` of a mode in a state.
 #[derive(Debug, Default)]
 pub(crate) struct Gradient {
     changes: PerContact<Option<Change>>,
 }
 
-/// What a jump has done to columns.
+/// Effects of a jump on columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Saltation {
-    /// The contacts of several impacts at one instant that depend on each other, if there are any: their order decides, and the columns are
-    /// those of neighbours whose impacts stay together.
+    /// Contacts of several dependent impacts at one instant, if any: their order decides, and the columns are those of neighbours whose
+    /// impacts stay together.
     pub dependent: Vec<usize>,
     /// `ln |det S|`; NaN where contacts come to rest or latch a speed, which have no volume.
     pub volume: f64,
-    /// Ranks that impacts without rebound take, of contacts that do not stay at rest.
+    /// Number of ranks lost in impacts without rebound, of contacts that do not stay at rest.
     pub ranks: usize,
-    /// The latched speeds that were written, by their place in the state.
+    /// Latched speeds that were rewritten, by index in the state.
     pub latched: Vec<usize>,
-    /// How much earlier it comes, of each column, s; empty where no force and no speed jumps.
+    /// Advance of the jump for each column, s; empty if no force and no speed jumps.
     pub earlier: Vec<f64>,
-    /// The contacts that make forces or speeds jump.
+    /// Contacts that cause jumps of forces or speeds.
     pub movers: Vec<usize>,
 }
 
 impl Structure {
-    /// Whether `f_x` is constant along `mode`.
+    /// Returns whether `f_x` is constant along `mode`.
     pub(crate) fn is_affine(&self, mode: &Mode) -> bool {
         let is_constant =
             |a: Acting| matches!(a.force, Force::Held | Force::Linear { stiffness: Elasticity::Constant(_), .. });
         self.carrying(mode).all(is_constant)
     }
 
-    /// `f_x` in `mode` at a place.
+    /// Returns `f_x` in `mode` in a state.
     pub(crate) fn gradient(&self, mode: &Mode, at: Instant, x: &[f64]) -> Gradient {
         let change = |acting: Acting| {
             let contact = acting.contact;
@@ -161,7 +161,7 @@ impl Structure {
         Gradient { changes: self.carrying(mode).map(change).collect() }
     }
 
-    /// `f_x ξ` into `out`, for the columns `ξ`.
+    /// Writes `f_x ξ` into `out`, for the columns `ξ`.
     pub(crate) fn apply(&self, gradient: &Gradient, held: Option<&Sticking>, columns: &Columns, out: &mut Columns) {
         let (n, m) = (self.n, columns.count);
         out.values[2 * n * m..].fill(0.0);
@@ -192,19 +192,19 @@ impl Structure {
         }
     }
 
-    /// The contacts whose forces change with the state in `mode`, and the place of their latched speed in it.
+    /// Iterates over the contacts whose forces depend on the state in `mode`, with the index of the latched speed.
     pub(crate) fn changing(&self, mode: &Mode) -> impl Iterator<Item = (usize, Option<usize>)> {
         self.carrying(mode).filter(|a| !a.is_held()).map(|a| (a.contact, self.contacts[a.contact].latch))
     }
 
-    /// Adds `factor gᵀξ` of contact `j` for the rows of `columns` from `first` on, to `sum`.
+    /// Adds `factor gᵀξ` of contact `j`, for the rows of `columns` from `first` on, to `sum`.
     pub(crate) fn add_along(&self, j: usize, first: usize, factor: f64, columns: &Columns, sum: &mut [f64]) {
         for (i, g) in &self.contacts[j].direction {
             sum.iter_mut().zip(columns.row(first + *i as usize)).for_each(|(s, c)| *s += factor * g * c);
         }
     }
 
-    /// `f_x ξ` without contacts, for some columns side by side: a row for each component.
+    /// Writes `f_x ξ` without contacts, for some columns side by side: a row for each component.
     #[inline(always)]
     pub(crate) fn apply_lanes<P: Path>(&self, path: P, columns: &[Lanes], out: &mut [Lanes]) {
         let n = self.n;
@@ -220,7 +220,7 @@ impl Structure {
         out[2 * n..].fill([0.0; LANES]);
     }
 
-    /// `gᵀξ` of contact `j` for the rows of `columns`, those of displacements or of velocities.
+    /// Returns `gᵀξ` of contact `j` for the rows of `columns`, those of displacements or of velocities.
     #[inline(always)]
     pub(crate) fn along_lanes<P: Path>(&self, path: P, j: usize, columns: &[Lanes]) -> Lanes {
         let mut sum = Eight::zero(path);
@@ -230,7 +230,7 @@ impl Structure {
         sum.numbers(path)
     }
 
-    /// Takes `force` of contact `j` out of the rows of velocity.
+    /// Subtracts the accelerations by `force` of contact `j` from the rows of velocity.
     #[inline(always)]
     pub(crate) fn push_lanes<P: Path>(&self, path: P, j: usize, force: &Lanes, velocities: &mut [Lanes]) {
         for (i, p) in &self.contacts[j].push {
@@ -241,8 +241,8 @@ impl Structure {
         }
     }
 
-    /// Takes what `held` contacts would do out of the rows from `first` on, by changes along `M⁻¹g`. `moves` adds what their flanks do, for
-    /// each column, to the row that belongs to a contact.
+    /// Removes the motion of `held` contacts from the rows from `first` on, by changes along `M⁻¹g`. `moves` adds the motion of their
+    /// flanks, for each column, to the row of a contact.
     pub(crate) fn take_out(
         &self,
         held: &Sticking,
@@ -267,12 +267,12 @@ impl Structure {
         }
     }
 
-    /// The contacts at rest in `mode`, if any.
+    /// Returns the contacts at rest in `mode`, if any.
     pub(crate) fn held(&self, mode: &Mode) -> Option<Sticking> {
         Sticking::new(self, mode)
     }
 
-    /// Takes out of `columns` what the contacts at rest in `mode` do not allow: their flanks move with the numbers of `by`, if any.
+    /// Removes from `columns` the directions that contacts at rest in `mode` forbid; their flanks move with the parameters of `by`, if any.
     pub(crate) fn restrain(&self, mode: &Mode, by: Option<By<'_>>, columns: &mut Columns) {
         if let Some(held) = self.held(mode) {
             for (first, velocities) in [(0, false), (self.n, true)] {
@@ -283,7 +283,7 @@ impl Structure {
         }
     }
 
-    /// Changes of `δ − σ b` of contact `j`, σ its `side`, or of `δ̇` where `velocities` says so.
+    /// Returns the changes of `δ − σ b` of contact `j`, σ its `side`, or of `δ̇` with `velocities`.
     pub(super) fn along(
         &self,
         (j, side): (usize, f64),
@@ -297,9 +297,9 @@ impl Structure {
         along
     }
 
-    /// Takes `columns` across the jump from `from` to `to`, of the guards `fired`, at `at`; `x_minus` and `x_plus` are the states before
-    /// and after, `settles` says that contacts are brought to rest whatever their speed, `resets_only` leaves out that events come earlier or later.
-    /// Columns of numbers name their `variations`; there are none for columns of a start.
+    /// Advances `columns` over the jump from `from` to `to`, of the guards `fired`, at `at`; `x_minus` and `x_plus` are the states before
+    /// and after. `settles` marks contacts brought to rest at any speed; `resets_only` omits the shift of event times. Columns of
+    /// parameters name their `variations`; columns of a start have none.
     pub(crate) fn saltate(
         &self,
         (from, to): (&Jump, &Jump),
@@ -315,7 +315,7 @@ impl Structure {
         if !resets_only {
             saltation = self.move_event((from, to), fired, (at, x_minus), by, columns);
         }
-        // Speeds are latched as they are before any force jumps.
+        // Speeds are latched before any force jumps.
         for id in fired.iter() {
             let (j, _) = guard_of(id);
             let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
@@ -336,7 +336,7 @@ impl Structure {
                         columns.row_mut(latch).iter_mut().zip(floors).for_each(|(row, floor)| *row = floor);
                         continue;
                     }
-                    // The approach speed at the start of the contact, which comes earlier by `gᵀδq/δ̇`.
+                    // Approach speed at the start of the contact, which comes earlier by `gᵀδq/δ̇`.
                     let relative = self.relative_acceleration(j, &from.mode, at, x_minus);
                     let [mut early, mut row] = [false, true].map(|rate| self.along((j, is.side()), rate, by, columns));
                     if resets_only {
@@ -353,7 +353,7 @@ impl Structure {
             let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
             let c = &self.contacts[j];
             match c.spec.law {
-                // The damper's force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`, the speed having dropped out.
+                // The damping force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`; the speed cancels.
                 Law::KelvinVoigt(l, _) if watch != Watch::Force && !resets_only => {
                     let (factor, side) = match (was, is) {
                         (ContactMode::Separated, _) if is.is_closed() => (-l.damping, is.side()),
@@ -409,7 +409,7 @@ impl Structure {
         saltation
     }
 
-    /// `tr f_x`, 1/s.
+    /// Returns `tr f_x`, 1/s.
     pub(crate) fn divergence(&self, gradient: &Gradient) -> f64 {
         let structure = self.rows.iter().enumerate().flat_map(|(i, row)| row.iter().map(move |entry| (i, entry)));
         let damped: f64 = structure.filter(|(i, (j, ..))| *i == *j as usize).map(|(_, (.., c))| c).sum();
@@ -417,12 +417,12 @@ impl Structure {
         -damped - contacts.map(|c| c.by_rate * self.contacts[c.contact].mobility).sum::<f64>()
     }
 
-    /// What a change of the force of contact `j` with its rate adds to the divergence.
+    /// Returns the contribution to the divergence, 1/kg, per derivative of the force of contact `j` with respect to its rate.
     pub(crate) fn divergence_by(&self, j: usize) -> f64 {
         -self.contacts[j].mobility
     }
 
-    /// A size of the rates that contacts add, rad/s.
+    /// Returns the size of the rates that contacts add, rad/s.
     pub(crate) fn rate_by(&self, gradient: &Gradient) -> f64 {
         let rate = |c: &Change| {
             let mobility = self.contacts[c.contact].mobility;
@@ -431,7 +431,7 @@ impl Structure {
         gradient.changes.iter().flatten().map(rate).sum()
     }
 
-    /// A size of the rates of a mode, rad/s; of contacts whose stiffness is constant only.
+    /// Returns the size of the rates of a mode, rad/s, with contacts of constant stiffness only.
     pub(crate) fn rate_of(&self, mode: &Mode) -> f64 {
         let free = self.own_rates(&Mode::default());
         let rates = self.rows.iter().map(|row| {
@@ -448,7 +448,7 @@ impl Structure {
         rates.fold(free.oscillating.max(free.damped), f64::max) + contacts.sum::<f64>()
     }
 
-    /// `gᵀv̇ − ë` of contact `j` in `mode`.
+    /// Returns `gᵀv̇ − ë` of contact `j` in `mode`, m/s².
     pub(super) fn relative_acceleration(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
         let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; self.n]);
         self.dynamics(mode, at, x, &mut forces, &mut a);

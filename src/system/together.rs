@@ -1,4 +1,4 @@
-//! What jumps at one instant do to each other's derivative.
+//! Mutual effects of jumps at one instant on the derivative.
 
 use super::{
     assemble::{Structure, zeros},
@@ -11,12 +11,12 @@ use crate::{
     hybrid::{GuardSet, Instant, Jump, Mode},
 };
 
-/// Share of the largest acceleration above which a change is none of rounding.
+/// Share of the largest acceleration above which a change is more than rounding.
 const SUDDEN: f64 = 1e-9;
 
 impl Structure {
-    /// Contacts whose latched speed depends on whether a damper's force jumps just before or just after: none where both flanks are met
-    /// together by all neighbours.
+    /// Returns the contacts whose latched speed depends on the order of the jump of a damping force. There are none if all neighbours reach
+    /// both flanks together.
     pub(super) fn parted(&self, saltation: &Saltation) -> Vec<usize> {
         let is_latched = |j: usize| self.contacts[j].latch.is_some_and(|latch| saltation.latched.contains(&latch));
         let is_one = |i: usize, j: usize| {
@@ -38,7 +38,7 @@ impl Structure {
         parted
     }
 
-    /// How much earlier a jump comes, `gᵀδq/δ̇`, the mean of the contacts that make forces or speeds jump there.
+    /// Returns the advance of a jump, `gᵀδq/δ̇`, s: the mean over the contacts that cause jumps of forces or speeds.
     pub(super) fn move_event(
         &self,
         (from, to): (&Jump, &Jump),
@@ -73,8 +73,8 @@ impl Structure {
         saltation
     }
 
-    /// Takes `columns` across a jump that follows from another one at the same instant, which comes `earlier`: forces that it takes away or
-    /// brings back are finite, and do so as much earlier. Whether there are such.
+    /// Advances `columns` over a jump that follows from another one at the same instant. The forces that it removes or adds are finite, and
+    /// act `earlier` by as much. Returns whether there are any.
     pub(crate) fn saltate_after(
         &self,
         (from, to): (&Mode, &Mode),

@@ -1,8 +1,8 @@
-//! Motion that nothing drives or damps, in two doubles.
+//! Conservative motion in two doubles.
 //!
-//! Such motion never forgets an error. Where its period depends on the energy, a bias of ε in every period grows to `ε N²/2`
-//! periods after N of them, and 10⁴ periods within 1e-11 of one need 2e-18: less than a double's rounding. The state is then
-//! `x + low`, and what an event does to it is done to 32 digits.
+//! Such motion never forgets an error. If its period depends on the energy, a bias of ε in every period grows to `ε N²/2` periods after N
+//! of them. 10⁴ periods within 1e-11 of one need 2e-18: less than the rounding of a double. The state is then `x + low`, and events act on
+//! it with 32 digits.
 
 use super::{
     assemble::{PerContact, Structure, zeros},
@@ -17,7 +17,7 @@ use crate::{
     hybrid::{GuardId, Instant, Mode, Wide, normalise},
 };
 
-/// Whether all motion of a train keeps its energy: no forcing but constant loads, no loss, constant stiffnesses.
+/// Returns whether all motion of a train keeps its energy: no forcing but constant loads, no loss, constant stiffnesses.
 pub(crate) fn conserves(spec: &Spec) -> bool {
     let still = |waves: &[Harmonic]| waves.iter().all(|h| h.amplitude == 0.0);
     // A gyroscopic matrix is skew and does no work.
@@ -45,17 +45,17 @@ fn dot_in_two(row: &[(u32, f64)], x: &[f64], low: &[f64]) -> Wide {
 }
 
 impl Structure {
-    /// Deflection of contact `j` in the state `x + low`, m.
+    /// Returns the deflection of contact `j` in the state `x + low`, m.
     pub(crate) fn deflection_in_two(&self, j: usize, at: Instant, x: &[f64], low: &[f64]) -> Wide {
         dot_in_two(&self.contacts[j].direction, x, low) - self.error(j, at).0.into()
     }
 
-    /// Its rate, m/s.
+    /// Returns the rate of the deflection of contact `j` in the state `x + low`, m/s.
     fn rate_in_two(&self, j: usize, at: Instant, x: &[f64], low: &[f64]) -> Wide {
         dot_in_two(&self.contacts[j].direction, &x[self.n..], &low[self.n..]) - self.error(j, at).1.into()
     }
 
-    /// The rates of `contacts`; none where the low part is not kept.
+    /// Returns the rates of `contacts`, m/s; empty if the low part is not kept.
     pub(crate) fn rates_in_two(
         &self,
         contacts: impl Iterator<Item = usize>,
@@ -66,7 +66,7 @@ impl Structure {
         contacts.filter(|_| !low.is_empty()).map(|j| self.rate_in_two(j, at, x, low)).collect()
     }
 
-    /// Gives the contacts in `wanted` these rates, which they have up to rounding.
+    /// Corrects the low part so that the contacts in `wanted` have these rates, which they have up to rounding.
     pub(crate) fn refine(&self, wanted: impl Iterator<Item = (usize, Wide)>, at: Instant, x: &[f64], low: &mut [f64]) {
         let (mut contacts, mut by) = (PerContact::<usize>::new(), PerContact::<f64>::new());
         for (j, rate) in wanted {
@@ -78,8 +78,8 @@ impl Structure {
         }
     }
 
-    /// Moves `x + low` along the flow onto a flank; see [`meet`](crate::hybrid::HybridSystem::meet). Without damping a
-    /// force falls through zero on the flank as well.
+    /// Moves `x + low` along the flow onto a flank; see [`meet`](crate::hybrid::HybridSystem::meet). Without damping a force falls through
+    /// zero on the flank as well.
     pub(crate) fn meet_guard(
         &self,
         mode: &Mode,

@@ -1,21 +1,20 @@
-//! Unilateral contact of rigid flanks at one instant: strikes, rest, tearing off and release.
+//! Unilateral contact of rigid flanks at one instant: strikes, rest, separation and release.
 //!
-//! All of them are one complementarity problem in the mobility `W = G M⁻¹Gᵀ`, posed for positions, velocities and
-//! accelerations in turn:
+//! All cases are one complementarity problem in the mobility `W = G M⁻¹Gᵀ`, for positions, then velocities, then accelerations:
 //!
 //! ```text
 //! z ≥ 0,   s = d − W z ≤ 0,   zᵀ s = 0
 //! ```
 //!
-//! - velocities: z are impulses, `d = (1 + e) u` for a contact that closes with speed u > 0, and `d = u` for one that only
-//!   touches. It takes part if it strikes or rests, and if it touches with e = 0 where nothing that strikes rebounds. Elsewhere one
-//!   that touches is struck in turn, as with a small gap; to join it would be another limit.
-//! - accelerations: z are multipliers, d is the closing acceleration without them. Contacts with no speed after the impulses
-//!   take part: they rest where `s = 0` and let go where `s < 0`.
+//! - velocities: z are impulses, `d = (1 + e) u` for a contact that closes with speed u > 0, and `d = u` for one that only touches. A
+//!   contact takes part if it strikes or rests. It also takes part if it touches with e = 0 and no striker rebounds. Otherwise a touching
+//!   contact is struck by a later jump, as with a small gap; joint impulses would be another limit.
+//! - accelerations: z are multipliers, d is the closing acceleration without them. Contacts without speed after the impulses take part:
+//!   they rest if `s = 0` and release if `s < 0`.
 //!
-//! `W` is positive semidefinite and both problems are convex; they are solved by the dual active-set method of Goldfarb and
-//! Idnani (1983), which keeps its active contacts independent and ends. Kinetic energy falls by `½ Σ P (1 − e) u` where
-//! every striker approaches. Rest is data: the speed of a contact at rest is zero, and is never read back from the state.
+//! `W` is positive semidefinite and both problems are convex. The dual active-set method of Goldfarb and Idnani (1983) solves them; it
+//! keeps its active contacts independent and terminates. Kinetic energy falls by `½ Σ P (1 − e) u` if every striker approaches. Rest is
+//! data: the speed of a contact at rest is zero, and is never computed from the state.
 
 use smallvec::{SmallVec, smallvec};
 
@@ -29,12 +28,12 @@ use crate::{
     hybrid::{GuardSet, Instant, Jump, Mode, ModelError},
 };
 
-/// Rounding of a sum of products, relative to the sum of their sizes: that of twice as many terms, and of 42 at least.
+/// Returns the rounding of a sum of products, relative to the sum of their sizes, for twice as many terms, at least 42.
 pub(super) fn rounding(terms: usize) -> f64 {
     2.0 * terms.max(21) as f64 * f64::EPSILON
 }
 
-/// A pivot below this fraction of its diagonal entry belongs to a contact that the active ones hold already.
+/// Ratio of a pivot to its diagonal entry below which the active contacts already hold the contact.
 const DEPENDENT: f64 = 1e-12;
 
 /// A rigid contact on its flank.
@@ -43,15 +42,15 @@ struct Touching {
     contact: usize,
     /// +1 on the drive flank, −1 on the back flank.
     side: f64,
-    /// Restitution to apply; zero where a rebound would be lost in rounding.
+    /// Applied restitution; zero if a rebound would be lost in rounding.
     restitution: f64,
     /// Closing speed, m/s: exactly zero at rest.
     speed: f64,
     /// Rounding of the speed, m/s.
     error: f64,
-    /// Released at this instant: its multiplier is not tested again, the third derivative decides.
+    /// True if released at this instant: its multiplier is not tested again, and the third derivative decides.
     releases: bool,
-    /// Released and back on its flank at this instant, without speed: its multiplier starts from exactly zero.
+    /// True if released and back on its flank at this instant, without speed: its multiplier starts from exactly zero.
     returns: bool,
 }
 
@@ -65,7 +64,7 @@ type Set = PerContact<Touching>;
 type Row = PerContact<f64>;
 type Matrix = SmallVec<[Row; 4]>;
 
-/// What a complementarity problem comes to.
+/// Solution of a complementarity problem.
 struct Solution {
     z: Row,
     /// `d − W z`.
@@ -74,7 +73,7 @@ struct Solution {
     slack: Row,
 }
 
-/// Solves the complementarity problem; `noise` is the rounding of each d. `None` if no z satisfies it.
+/// Solves the complementarity problem; `noise` is the rounding of each d. Returns `None` if no z satisfies it.
 fn complement(w: &[Row], d: &Row, noise: Row) -> Option<Solution> {
     let n = w.len();
     let mut s = Solution { z: zeros(n), rest: d.clone(), slack: noise };
@@ -87,14 +86,14 @@ fn complement(w: &[Row], d: &Row, noise: Row) -> Option<Solution> {
     }
     let noise = s.slack.clone();
     let mut active: PerContact<usize> = PerContact::new();
-    // Each contact enters at most once for each of those that may leave.
+    // Each contact enters at most once for each contact that may leave.
     for _ in 0..4 * n * n + 4 {
         for i in 0..n {
             let terms = (0..n).map(|j| w[i][j] * s.z[j]);
             s.rest[i] = d[i] - terms.clone().sum::<f64>();
             s.slack[i] = noise[i] + rounding(n) * (d[i].abs() + terms.map(f64::abs).sum::<f64>());
         }
-        // The worst violation for its mass.
+        // The worst violation relative to its mass.
         let violated = (0..n).filter(|i| s.rest[*i] > s.slack[*i] && !active.contains(i));
         let weight = |i: &usize| s.rest[*i] / w[*i][*i].sqrt();
         let Some(enter) = violated.max_by(|a, b| weight(a).total_cmp(&weight(b)).then(b.cmp(a))) else {
@@ -131,7 +130,7 @@ fn complement(w: &[Row], d: &Row, noise: Row) -> Option<Solution> {
         }
         active.push(enter);
         active.sort_unstable();
-        // Afresh, so that the changes of z do not gather rounding.
+        // The residual is recomputed, so that changes of z do not gather rounding.
         let mut exact = zeros(active.len());
         exact.iter_mut().zip(&active).for_each(|(r, k)| *r = d[*k]);
         solve(w, &active, &mut exact);
@@ -164,8 +163,8 @@ fn solve(w: &[Row], active: &[usize], r: &mut Row) {
 }
 
 impl Structure {
-    /// What the rigid contacts do at one instant. `fired` holds the guards that fall through zero now, `from` the mode and the
-    /// zeros that stand; `settles` brings the fired contacts to rest whatever their speed (the end of an accumulation).
+    /// Resolves the rigid contacts at one instant. `fired` holds the guards that fall through zero now, `from` the mode and the valid
+    /// zeros. `settles` brings the fired contacts to rest at any speed (the end of an accumulation).
     ///
     /// # Errors
     /// [`ModelError::ImpactUnsolvable`] if no impulses open all flanks: contacts with different restitution that hold each other.
@@ -195,7 +194,7 @@ impl Structure {
         self.hold(jump, from, &set, &rests, at, x)
     }
 
-    /// `W` of the contacts in `set`.
+    /// Returns `W` of the contacts in `set`.
     fn mobility(&self, set: &Set) -> Matrix {
         let mut matrix = Matrix::new();
         for a in set {
@@ -206,7 +205,7 @@ impl Structure {
         matrix
     }
 
-    /// The rigid contacts on their flanks that take part.
+    /// Returns the rigid contacts on their flanks that take part.
     fn touching(&self, from: &Jump, fired: &GuardSet, settles: bool, at: Instant, x: &[f64]) -> Set {
         let (mut set, mut supports, mut rebounds) = (Set::new(), Set::new(), false);
         for (j, c) in self.contacts.iter().enumerate() {
@@ -228,7 +227,7 @@ impl Structure {
                 if fired.contains(id) {
                     let striker = contact(side, 0.0);
                     let speed = if from.still.contains(id) || settles { 0.0 } else { striker.speed };
-                    // A rebound lost in rounding is none: the contact comes to rest.
+                    // A rebound lost in rounding counts as none: the contact comes to rest.
                     let own = law.restitution.at(speed);
                     let restitution = if settles || own * speed <= striker.error { 0.0 } else { own };
                     let returns = was_released && from.still.contains(id);
@@ -250,7 +249,7 @@ impl Structure {
         set
     }
 
-    /// Applies the impulses, and says which contacts have no speed after them.
+    /// Applies the impulses, and returns for each contact whether it has no speed after them.
     fn strike(
         &self,
         jump: &mut Jump,
@@ -283,7 +282,7 @@ impl Structure {
             let rebounds = t.speed > 0.0 && t.restitution > 0.0;
             rests[i] = !rebounds && solution.rest[i] >= -solution.slack[i];
         }
-        // Rates and multipliers of all that the impulses reach are no longer zero.
+        // Rates and multipliers of all contacts that the impulses reach are no longer zero.
         for j in 0..self.contacts.len() {
             if set.iter().zip(&solution.z).any(|(t, z)| *z > 0.0 && self.coupling(j, t.contact) != 0.0) {
                 guards_of(j).into_iter().for_each(|id| jump.still.remove(id));
@@ -293,8 +292,8 @@ impl Structure {
         Ok(rests)
     }
 
-    /// Who takes part in a strike: the impulses of `solution`, and where the contacts hold each other those of least norm if none of
-    /// these pulls. The motion is the same with both; the latter treat equal contacts equally.
+    /// Returns the impulses of a strike: those of `solution`, or those of least norm if contacts hold each other and none of these pulls.
+    /// The motion is the same with both; the latter treat equal contacts equally.
     fn shares(&self, set: &[Touching], w: &[Row], d: &Row, solution: &Solution) -> Row {
         let all: PerContact<usize> = (0..set.len()).filter(|i| solution.rest[*i] >= -solution.slack[*i]).collect();
         if all.len() < 2 {
@@ -317,7 +316,7 @@ impl Structure {
         shares
     }
 
-    /// Which of the contacts without speed rest, and which let go; the zeros of all.
+    /// Decides which of the contacts without speed rest and which release, and sets the zeros of all.
     fn hold(
         &self,
         jump: &mut Jump,
@@ -354,15 +353,15 @@ impl Structure {
             let side = pressed.iter().find(|t| t.contact == *j).map_or(0.0, |t| t.side);
             set_contact(&mut jump.mode, *j, Self::resting(side));
         }
-        // One whose gap those at rest keep at zero carries nothing and stays on its flank.
+        // A contact whose gap resting contacts keep at zero carries no force and stays on its flank.
         for t in slow.iter().filter(|t| !held.contacts().contains(&t.contact)) {
             let moves = |j: &usize| !self.contacts[*j].error.is_empty();
             if held.holds(self, t.contact) && !held.contacts().iter().chain([&t.contact]).any(moves) {
                 set_contact(&mut jump.mode, t.contact, Self::touching_only(t.side));
             }
         }
-        // A multiplier that fell through zero leaves the gap without acceleration, and the third derivative decides, unless an impulse
-        // or a contact that has come to rest with it changes the accelerations.
+        // A multiplier that fell through zero leaves the gap without acceleration, and the third derivative decides. An impulse, or a
+        // contact that comes to rest, changes the accelerations and prevents this.
         let comes_to_rest = |t: &Touching| !t.returns && contact_mode(&from.mode, t.contact).side() == 0.0;
         let undisturbed = jump.struck.is_empty() && !pressed.iter().any(comes_to_rest);
         for t in slow.iter().filter(|t| t.releases || t.returns) {
@@ -374,8 +373,8 @@ impl Structure {
         Ok(())
     }
 
-    /// The contacts of `pressed` that carry the load. With the multipliers of least norm all that rest share it; if one of these
-    /// would pull, only those do that carry it in the solution, and what moves independently of them.
+    /// Returns the contacts of `pressed` that carry the load: all that rest, if no multiplier of least norm pulls. Otherwise those that
+    /// carry it in the solution, and those that are independent of them.
     fn sharing(&self, pressed: &Set, w: &[Row], d: &Row, solution: &Solution) -> Sticking {
         let of = |set: &[usize]| Sticking::of(self, set.iter().map(|i| pressed[*i].contact));
         let rests = |i: &usize| solution.rest[*i] >= -solution.slack[*i];
@@ -403,20 +402,20 @@ impl Structure {
         ModelError::ImpactUnsolvable { elements: names.join(", ") }
     }
 
-    /// A closing speed below this is rounding of the sum it is computed from, m/s.
+    /// Returns the rounding of a closing speed, m/s, from the terms of its sum.
     pub(crate) fn speed_rounding(&self, j: usize, at: Instant, x: &[f64]) -> f64 {
         let c = &self.contacts[j];
         let terms: f64 = c.direction.iter().map(|(i, g)| (g * x[self.n + *i as usize]).abs()).sum();
         8.0 * f64::EPSILON * (terms + self.error(j, at).1.abs())
     }
 
-    /// The name of contact `j`.
+    /// Returns the name of contact `j`.
     pub(crate) fn name_of(&self, j: usize) -> &str {
         &self.contacts[j].spec.name
     }
 
-    /// Moves the state onto the flanks of `contacts` (number, side), by the displacement of least kinetic size. Returns how
-    /// far a deflection was off at most, m.
+    /// Moves the state onto the flanks of `contacts` (number, side), by the displacement of least kinetic size. Returns the largest error
+    /// of a deflection before, m.
     pub(crate) fn project(
         &self,
         contacts: impl Iterator<Item = (usize, f64)> + Clone,
@@ -434,7 +433,7 @@ impl Structure {
         off.iter().fold(0.0, |m: f64, off| m.max(off.abs()))
     }
 
-    /// Puts the contacts at rest in `mode` onto their flanks, without speed.
+    /// Moves the contacts at rest in `mode` onto their flanks, without speed.
     pub(crate) fn rest(&self, mode: &Mode, at: Instant, x: &mut [f64]) {
         let resting = (0..self.contacts.len())
             .filter(|j| self.contacts[*j].spec.law.is_rigid())
@@ -449,7 +448,7 @@ impl Structure {
         }
     }
 
-    /// Takes the rates of `contacts` out of the velocities.
+    /// Subtracts the rates of `contacts` from the velocities.
     fn stop(&self, contacts: impl Iterator<Item = usize> + Clone, at: Instant, x: &mut [f64]) {
         let rates: PerContact<f64> = contacts.clone().map(|j| -self.deflection(j, at, x).1).collect();
         self.shift(contacts, &rates, &mut x[self.n..2 * self.n]);
@@ -472,12 +471,12 @@ impl Structure {
         }
     }
 
-    /// The state a rigid contact is in while it rests on `side`.
+    /// Returns the state of a rigid contact at rest on `side`.
     pub(crate) fn resting(side: f64) -> ContactMode {
         if side > 0.0 { ContactMode::Drive } else { ContactMode::Back }
     }
 
-    /// The state of one that others hold on its flank, without load.
+    /// Returns the state of a contact that others hold on its flank, without load.
     fn touching_only(side: f64) -> ContactMode {
         if side > 0.0 { ContactMode::DriveDetached } else { ContactMode::BackDetached }
     }

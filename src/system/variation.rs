@@ -1,8 +1,7 @@
-//! How the motion of a train changes with one of its numbers.
+//! Derivative of the motion of a train with respect to one of its parameters.
 //!
-//! Time is the phase of the forcing, scaled to the seconds of the train: a column `ξ = ∂x/∂α` obeys
-//! `ξ̇ = f_x ξ + f_α − f ω_α/ω` with state and phase held in `f_α`. No term grows with time, sections stay at their phase, and switches
-//! that follow the forcing keep theirs.
+//! Time is the phase of the forcing, scaled to the seconds of the train: a column `ξ = ∂x/∂α` obeys `ξ̇ = f_x ξ + f_α − f ω_α/ω` with state
+//! and phase held in `f_α`. No term grows with time, and sections and switches tied to the forcing keep their phase.
 
 use super::{
     acting::{Acting, Elasticity, Force},
@@ -13,37 +12,37 @@ use super::{
 };
 use crate::hybrid::{Instant, Mode};
 
-/// Trains that differ from one in a number, and the weights of the difference that is its derivative: `∂y/∂α = Σ w y(α + h)`.
+/// Trains that differ from one train in a parameter, with the weights of the difference quotient: `∂y/∂α = Σ w y(α + h)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variation {
     neighbours: Vec<(f64, Structure)>,
 }
 
 impl Variation {
-    /// By trains with other values of the number, each with its weight. They have the shape of the train: the same freedoms, contacts,
-    /// kinds of laws and stiffness, and frequencies in the same ratios.
+    /// Returns the variation of trains with other values of the parameter, each with its weight. They have the shape of the train: the same
+    /// degrees of freedom, contacts, kinds of laws and stiffness, and ratios of frequencies.
     #[must_use]
     pub fn new(neighbours: Vec<(f64, Structure)>) -> Self {
         Self { neighbours }
     }
 
-    /// The derivative of `y` with the number.
+    /// Returns the derivative of `y` with respect to the parameter.
     pub(crate) fn of(&self, y: impl Fn(&Structure) -> f64) -> f64 {
         self.neighbours.iter().map(|(weight, train)| weight * y(train)).sum()
     }
 }
 
-/// At which place a derivative with numbers is wanted.
+/// Parameters and state of a derivative.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct By<'a> {
-    /// One for each column; none where the columns are those of a start.
+    /// One variation for each column; none if the columns are those of a start.
     pub variations: &'a [Variation],
     pub at: Instant,
     pub x: &'a [f64],
 }
 
 impl Structure {
-    /// The instant of the same cycle and phase for a train whose clock `self` reads.
+    /// Returns the instant of the same cycle and phase in the clock of `self`, for an instant `at` in the clock of `of`.
     pub(super) fn same_phase(&self, of: &Self, at: Instant) -> Instant {
         match (self.clock.period(), of.clock.period()) {
             (Some(own), Some(other)) if own != other => {
@@ -53,7 +52,7 @@ impl Structure {
         }
     }
 
-    /// Changes of `δ − σ b` and of `δ̇` of contact `j` with the number, state and phase held; `side` is σ.
+    /// Returns the derivatives of `δ − σ b` and of `δ̇` of contact `j` with respect to the parameter, state and phase held; `side` is σ.
     fn moves(&self, variation: &Variation, j: usize, side: f64, at: Instant, x: &[f64]) -> [f64; 2] {
         let mut moves = [0.0; 2];
         for (weight, train) in &variation.neighbours {
@@ -64,22 +63,22 @@ impl Structure {
         moves
     }
 
-    /// Adds `∂(δ − σ b)` of contact `j` with the numbers to a row of columns; that of `δ̇` where the row is one of `velocities`.
+    /// Adds the parameter derivatives of `δ − σ b` of contact `j` to a row of columns; with `velocities` those of `δ̇`.
     pub(crate) fn add_moves(&self, (j, side): (usize, f64), velocities: bool, by: By<'_>, row: &mut [f64]) {
         for (r, variation) in row.iter_mut().zip(by.variations) {
             *r += self.moves(variation, j, side, by.at, by.x)[usize::from(velocities)];
         }
     }
 
-    /// `f_α − f ω_α/ω` in `mode` for each number, one column each, into `out`; the sizes of what is rounded in the differences, of
-    /// displacements and of velocities: of their rates, and of themselves.
+    /// Writes `f_α − f ω_α/ω` in `mode` for each parameter, one column each, into `out`. Returns the sizes of the rounded terms in the
+    /// differences, of displacements and of velocities: first of their rates, then of themselves.
     pub(crate) fn forcing(&self, mode: &Mode, held: Option<&Sticking>, by: By<'_>, out: &mut Columns) -> [[f64; 2]; 2] {
         let (n, count, By { at, x, .. }) = (self.n, out.count, by);
         let (mut slopes, mut values) = ([0.0f64; 2], [0.0f64; 2]);
         out.values.fill(0.0);
         let mut forces = zeros(self.contacts.len());
         self.carrying(mode).for_each(|a| forces[a.contact] = self.law_force(&a, at, x));
-        // The terms of accelerations: what is rounded.
+        // Sizes of the terms of accelerations, which are rounded.
         let mut terms: Vec<f64> = self.load.iter().map(|f| f.abs()).collect();
         for (i, row) in self.rows.iter().enumerate() {
             terms[i] +=
@@ -121,7 +120,7 @@ impl Structure {
         [slopes, values]
     }
 
-    /// Change of the force of a contact with the number, its deflection from the flank and its rate held.
+    /// Returns the derivative of the force of a contact with respect to the parameter, its deflection from the flank and its rate held.
     fn force_by(&self, variation: &Variation, acting: &Acting, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
         let (j, side) = (acting.contact, acting.side);
         let (d, rate) = self.deflection(j, at, x);
@@ -153,8 +152,8 @@ impl Structure {
         }
     }
 
-    /// The stiffness at the same phase as `at` of `of`; on a slope that of the piece whose start is nearest to that of its piece, also
-    /// shortly before and after it.
+    /// Returns the stiffness at the phase that `at` has in `of`. On a slope the piece is the one that starts nearest to the piece in `of`,
+    /// also shortly before and after it.
     fn stiffness_beside(&self, of: &Self, j: usize, stiffness: Elasticity, at: Instant) -> f64 {
         let here = self.same_phase(of, at);
         match (stiffness, &self.contacts[j].spring, &of.contacts[j].spring) {
@@ -167,7 +166,7 @@ impl Structure {
         }
     }
 
-    /// How much later, s, a schedule of contact `j` goes over to piece `number` near `at`, with each number.
+    /// Returns the delay, s per unit of the parameter, of the switch of contact `j` to piece `number` near `at`.
     fn switch_moves(&self, variation: &Variation, j: usize, number: u32, at: Instant) -> f64 {
         variation.of(|train| {
             let Spring::Scheduled(schedule) = &train.contacts[j].spring else { return 0.0 };
@@ -178,7 +177,7 @@ impl Structure {
         })
     }
 
-    /// Takes columns of numbers over a known switching time, at which schedules go on from the pieces of `from` to those of `to`:
+    /// Advances columns of parameters over a known switching time, at which schedules change from the pieces of `from` to those of `to`:
     /// `δx⁺ = δx + (f⁻ − f⁺) δt`.
     pub(crate) fn switch_columns(&self, (from, to): (&Mode, &Mode), by: By<'_>, columns: &mut Columns) {
         let (n, count) = (self.n, columns.count);
@@ -199,7 +198,7 @@ impl Structure {
         columns.values[n * count..].iter_mut().zip(&changes.values).for_each(|(c, d)| *c += d);
     }
 
-    /// Changes of the velocities after impacts with each number, the velocities before them held: `by`'s state is that before.
+    /// Adds the parameter derivatives of the velocities after impacts, with the velocities before held; `by` has the state before.
     pub(crate) fn strike_by(
         &self,
         contacts: &PerContact<usize>,

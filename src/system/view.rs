@@ -1,4 +1,4 @@
-//! A structure seen through its contacts.
+//! A structure in terms of its contacts.
 
 use super::{
     assemble::{Structure, dot, zeros},
@@ -9,7 +9,7 @@ use crate::{
     hybrid::{ContactMode, ContactView, GuardId, Instant, Mode, Transition, Watch},
 };
 
-/// Restitution of a free impact on a spring and damper with damping ratio ζ.
+/// Returns the restitution of a free impact on a spring and damper with damping ratio ζ.
 ///
 /// Release at `p = 0` for ζ < 1: `exp(−πζ/√(1−ζ²))`. Release at `F = 0`: `exp(−ζφ/√(1−ζ²))` with
 /// `φ = 2 arccos ζ` (and its continuation `2 arcosh ζ` beyond ζ = 1). ζ ≥ 0.
@@ -26,7 +26,7 @@ pub fn damped_restitution(zeta: f64, release: Release) -> f64 {
 }
 
 impl Structure {
-    /// Puts contact `j` into `state` in `mode`.
+    /// Sets contact `j` to `state` in `mode`.
     pub fn set_contact(&self, mode: &mut Mode, j: usize, state: ContactMode) {
         let Some(back) = self.contacts[j].back else { return set_contact(mode, j, state) };
         let [drive, turned] = [(1.0, state), (-1.0, state.turned())]
@@ -35,7 +35,7 @@ impl Structure {
         set_contact(mode, back, turned);
     }
 
-    /// The guard of contact `j` that watches `watch`, on the flank of `side`.
+    /// Returns the guard of contact `j` for `watch`, on the flank of `side`.
     #[must_use]
     pub fn guard_of_contact(&self, j: usize, side: f64, watch: Watch) -> GuardId {
         match self.contacts[j].back.filter(|_| side < 0.0) {
@@ -44,7 +44,7 @@ impl Structure {
         }
     }
 
-    /// Contacts whose approach speeds the state latches, in its order, with the sides of their flanks: 0 where one speed serves both.
+    /// Iterates over the contacts with latched approach speeds, in order of the state, with the flank side: 0 if one speed serves both.
     pub fn latched(&self) -> impl Iterator<Item = (usize, f64)> {
         let flanks = (0..self.flanks()).filter(|flank| self.contacts[*flank].latch.is_some());
         flanks.map(|flank| match self.contact_of(flank) {
@@ -53,7 +53,7 @@ impl Structure {
         })
     }
 
-    /// Place in the state of the approach speed that contact `j` latches on the flank of `side`.
+    /// Returns the index in the state of the approach speed that contact `j` latches on the flank of `side`.
     #[must_use]
     pub fn latch_on(&self, j: usize, side: f64) -> Option<usize> {
         self.contacts[self.contacts[j].back.filter(|_| side < 0.0).unwrap_or(j)].latch

@@ -1,4 +1,4 @@
-//! Columns along a step by collocation: for steps that have no series, and for columns of numbers.
+//! Columns along a step by collocation: for steps without series, and for columns of parameters.
 
 use std::sync::LazyLock;
 
@@ -10,11 +10,11 @@ use crate::{
     system::{By, Columns},
 };
 
-/// Nodes of the collocation where `f_x` changes along a step.
+/// Number of nodes of the collocation where `f_x` changes along a step.
 const NODES: usize = 10;
 
-/// Gauss–Legendre nodes on `[0, 1]`, weights, the matrix of integrals up to each node, and the weights of the highest Legendre coefficient
-/// of what has the given values there.
+/// Gauss–Legendre nodes on `[0, 1]`, weights, and the matrix of integrals up to each node. `last` has the weights of the highest Legendre
+/// coefficient of a function given at the nodes.
 struct Collocation {
     rule: Rule,
     matrix: Vec<[f64; NODES]>,
@@ -45,24 +45,24 @@ static COLLOCATION: LazyLock<Collocation> = LazyLock::new(|| {
     Collocation { rule, matrix, last }
 });
 
-/// Rates times span above which a piece is halved.
+/// Product of rates and span above which a piece is halved.
 const PIECE: f64 = 1.5;
-/// Picard iterations of a piece.
+/// Maximum number of Picard iterations of a piece.
 const SWEEPS: usize = 60;
 /// Change in a sweep below which the iteration has converged: some ten roundings of a sum.
 const CONVERGED: f64 = 1e-14;
-/// Change below which an iteration that hardly falls any more has converged to the rounding of its terms.
+/// Change below which a stagnating iteration has converged to the rounding of its terms.
 const STALLED: f64 = 1e-9;
-/// Share of the change before to which it must fall, to make way.
+/// Ratio of successive changes above which the iteration stagnates.
 const NO_WAY: f64 = 0.9;
 /// Largest share of the highest Legendre coefficient of a piece: the ends of pieces are exact to its square.
 const RESOLVED: f64 = 1e-8;
-/// Roundings of the rates that a difference of trains is formed from.
+/// Rounding of the rates from which a difference of trains is formed.
 const ROUNDED: f64 = 64.0 * f64::EPSILON;
 /// Columns that are collocated.
 pub(super) struct Collocated {
     pub columns: Columns,
-    /// Values and slopes at the nodes.
+    /// Values and slopes at the nodes of the collocation.
     nodes: Vec<[Columns; 2]>,
     sum: Columns,
 }
@@ -74,14 +74,14 @@ impl Collocated {
 }
 
 impl Tangent<'_> {
-    /// The columns of a start along a part of a step, by collocation.
+    /// Advances the columns of a start along a part of a step, by collocation.
     pub(crate) fn collocate_start(&mut self, mode: &Mode, step: &dyn DenseStep, part: [f64; 2]) {
         self.collocated.columns.values.copy_from_slice(&self.columns.values);
         self.collocate(mode, step, part, false, 0);
         self.columns.values.copy_from_slice(&self.collocated.columns.values);
     }
 
-    /// A part of a step along which `f_x` changes, by collocation in the step's clock: the columns of a start, or those of numbers.
+    /// Advances columns along a part of a step with varying `f_x` by collocation in its clock: those of a start, or of parameters.
     pub(crate) fn collocate(
         &mut self,
         mode: &Mode,
@@ -110,7 +110,7 @@ impl Tangent<'_> {
         }
         let mut converged = fastest <= PIECE;
         if converged {
-            // What numbers add, at the nodes.
+            // Contributions of the parameters at the nodes.
             let (mut forcing, mut rounded): (Vec<Columns>, [f64; 2]) = (Vec::new(), [0.0; 2]);
             for (node, (_, rate, at)) in rule.nodes.iter().zip(&along).take(if of_numbers { NODES } else { 0 }) {
                 step.state(from + span * node, x);
@@ -144,14 +144,14 @@ impl Tangent<'_> {
                     moved = moved.max(difference(value, sum, &size));
                     value.values.copy_from_slice(&sum.values);
                 }
-                // Where terms far larger than a component cancel in it, their rounding ends the iteration: its change stays what it was.
+                // If far larger terms cancel in a component, their rounding ends the iteration: its change no longer falls.
                 if moved <= CONVERGED || moved <= STALLED && moved >= NO_WAY * before {
                     converged = true;
                     break;
                 }
                 before = moved;
             }
-            // Is the motion of the columns resolved?
+            // Test of the resolution: the motion of the columns.
             sum.values.fill(0.0);
             for (weight, [_, slope]) in last.iter().zip(&*nodes) {
                 sum.values.iter_mut().zip(&slope.values).for_each(|(s, f)| *s += weight * f);
@@ -159,7 +159,7 @@ impl Tangent<'_> {
             let mut sizes = largest(s.freedoms(), columns);
             let ends = largest(s.freedoms(), &nodes[NODES - 1][0]);
             sizes.iter_mut().zip(ends).for_each(|(size, end)| *size = size.max(end));
-            // Not below what differences of trains have lost, nor below the rounding of the state over the step of the number.
+            // The limit covers the digits lost in differences of trains, and the rounding of the state over the step of a parameter.
             let (q, v) = (s.freedoms(), 2 * s.freedoms());
             sizes[..q].iter_mut().for_each(|size| *size = size.max(rounded[0] / RESOLVED));
             sizes[q..v].iter_mut().for_each(|size| *size = size.max(rounded[1] / RESOLVED));

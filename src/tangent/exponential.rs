@@ -1,6 +1,6 @@
-//! Columns over a span of a mode whose `f_x = A` is constant: `exp(A h) ξ`.
+//! Columns over a span of a mode with constant `f_x = A`: `exp(A h) ξ`.
 //!
-//! Tables hold `exp(A h) − 1`: beside fast rates the slow ones would be lost in the digits of the 1.
+//! Tables hold `exp(A h) − 1`: beside fast rates, the digits of the 1 would hide the slow rates.
 
 use super::{Tangent, is_small, largest};
 use crate::{
@@ -9,37 +9,37 @@ use crate::{
     vectors::{Path, Work, fused},
 };
 
-/// Terms of a series at most: where rates times span are below [`LONG`] the rest is below rounding.
+/// Maximum number of terms of a series: if rates times span are below [`LONG`], the rest is below rounding.
 const TERMS: usize = 60;
-/// Rates times span above which a span is halved, without tables: the largest terms of its series are then some hundred times the sum.
+/// Product of rates and span above which a span is halved, without tables: the largest terms are then some hundred times the sum.
 const LONG: f64 = 8.0;
-/// The same of the span of tables: the largest term is then twice the first one.
+/// Product of rates and span for tables: the largest term is then twice the first one.
 const SHORT: f64 = 2.0;
-/// Share of a unit below which a term of a table is left out: entries in other units are some thousand times smaller at most.
+/// Share of a unit below which a term of a table is omitted: entries in other units are some thousand times smaller at most.
 const NEGLIGIBLE: f64 = f64::EPSILON / 1024.0;
-/// Components of a state up to which tables are made: a product of two costs the cube.
+/// Largest number of components of a state with tables: a product of two costs the cube.
 const MOST: usize = 64;
-/// Multiplications in which a term of a series takes one entry of a column further: a row has some entries, and a loop.
+/// Number of multiplications per entry of a column and term of a series: a row has some entries, and a loop.
 const PER_ENTRY: usize = 8;
 
-/// Matrices of a mode, from which its exponential over any span is made. They depend on the mode alone.
+/// Matrices of a mode that give its exponential over any span. They depend on the mode alone.
 pub(super) struct Tables {
-    /// Span of the series, s: a power of two, so that multiples and what is left of a time are exact.
+    /// Span of the series, s: a power of two, so that its multiples and the remainder of a time are exact.
     span: f64,
     /// `(A span)ᵏ/k!` from k = 1 on, `[dim][dim]` each.
     terms: Vec<Vec<f64>>,
-    /// `exp(A 2ᵏ span) − 1` from k = 0 on, as far as it was asked for.
+    /// `exp(A 2ᵏ span) − 1` from k = 0 on, as far as requested.
     doubled: Vec<Vec<f64>>,
-    /// The same over what is left.
+    /// `exp(A h) − 1` over the remainder of a time.
     rest: Vec<f64>,
-    /// The span that was asked for last, s, and the exponential over one that was asked for twice in a row: between switches of a stiffness
-    /// it repeats with each cycle.
+    /// Last requested span, s. `repeated` is the exponential over a span requested twice in a row: between switches of a stiffness it
+    /// repeats with each cycle.
     last: f64,
     repeated: Option<(f64, Vec<f64>)>,
     sums: Vec<f64>,
 }
 
-/// `F ξ` of `count` columns, into `sums`.
+/// Computes `F ξ` of `count` columns, into `sums`.
 #[inline(always)]
 fn product<P: Path>(matrix: &[f64], columns: &[f64], count: usize, sums: &mut Vec<f64>) {
     sums.clear();
@@ -79,7 +79,7 @@ impl Work for Product<'_> {
     }
 }
 
-/// `(1 + F)(1 + W) − 1`, F after the whole W.
+/// `(1 + F)(1 + W) − 1`, with F applied after the whole W.
 struct Then<'a> {
     matrix: &'a [f64],
     whole: &'a mut [f64],
@@ -121,14 +121,14 @@ impl Work for Sum<'_> {
 }
 
 impl Tables {
-    /// Those of `A = gradient`, whose rates are at most `rate`; `None` for a state with too many components.
+    /// Returns the tables of `A = gradient` with rates of at most `rate`, rad/s; `None` for a state with too many components.
     pub fn new(s: &Structure, gradient: &Gradient, held: Option<&Sticking>, rate: f64) -> Option<Self> {
         let (n, dim) = (s.freedoms(), HybridSystem::dim(s));
         if dim > MOST {
             return None;
         }
         let longest = if rate > 0.0 { SHORT / rate } else { 1.0 };
-        // The power of two that a double's exponent is.
+        // The exponent of the double is the power of two.
         let span = f64::from_bits(longest.to_bits() & f64::INFINITY.to_bits());
         // A velocity counts as large as its displacement times the rate.
         let unit = |i: usize| if (n..2 * n).contains(&i) { 1.0 / span } else { 1.0 };
@@ -157,7 +157,7 @@ impl Tables {
         })
     }
 
-    /// Multiples of the span that `time` has, as powers of two, and what is left of it, s. Their tables are there then.
+    /// Splits `time` into multiples of the span, as powers of two, and the remainder, s. Forms the tables of the multiples.
     fn multiples(&mut self, s: &Structure, time: f64) -> (Vec<usize>, f64) {
         let (instructions, count) = (s.instructions(), HybridSystem::dim(s));
         let parts = (time / self.span).floor();
@@ -177,7 +177,7 @@ impl Tables {
         (bits, time - parts * self.span)
     }
 
-    /// Takes `columns` over `time`, if that was asked for twice in a row.
+    /// Advances `columns` over `time`, if that span is requested at least twice in a row; returns whether it did.
     fn again(&mut self, s: &Structure, time: f64, columns: &mut Columns) -> bool {
         let (instructions, dim) = (s.instructions(), HybridSystem::dim(s));
         if self.repeated.as_ref().is_none_or(|(known, _)| *known != time) && self.last == time {
@@ -195,7 +195,7 @@ impl Tables {
         true
     }
 
-    /// Takes `columns` over `time`, which is shorter than the span, where tables do it in fewer multiplications than a series.
+    /// Advances `columns` over `time`, shorter than the span, if tables take fewer multiplications than a series; returns whether it did.
     fn rest(&mut self, s: &Structure, time: f64, columns: &mut Columns) -> bool {
         let (dim, terms, count) = (HybridSystem::dim(s), self.terms.len(), columns.count);
         if dim * (terms + count) > PER_ENTRY * terms * count {
@@ -210,7 +210,7 @@ impl Tables {
 }
 
 impl Tangent<'_> {
-    /// Takes the columns over `time` in `mode`, if its `f_x` is constant.
+    /// Advances the columns over `time`, s, in `mode`, if its `f_x` is constant.
     pub(super) fn exponential(&mut self, mode: &Mode, time: f64) {
         let Self { structure: s, columns, work: [term, next], modes, volume, .. } = self;
         let Some(known) = modes.get_mut(mode) else { return };

@@ -1,4 +1,4 @@
-//! How uncertain events are by what the run so far has amplified.
+//! Uncertainty of events from the amplified errors of the run before them.
 
 use std::{cell::Cell, ops::ControlFlow};
 
@@ -13,31 +13,31 @@ use crate::{
     system::{Columns, Structure},
 };
 
-/// Roundings of the state that a step adds, in units of its last place.
+/// Rounding of the state that a step adds, relative to its size.
 const ROUNDED: f64 = 2.0 * f64::EPSILON;
-/// Share of the state's size by which a guard is differenced along a column.
+/// Share of the size of the state used to difference a guard along a column.
 const DIFFERENCE: f64 = 1e-6;
 
-/// The errors of a run so far, as columns: their spread is `S Sᵀ`. Each step adds the rounding of the state, each event the shift of the
-/// state by the uncertainty of its own time; the tangent of the run amplifies them. They count as independent, so that their squares add:
-/// an estimate, no bound.
+/// Errors of a run so far, as columns with spread `S Sᵀ`. Each step adds the rounding of the state. Each event adds the shift of the state
+/// by the uncertainty of its own time. The tangent of the run amplifies them. They count as independent, and their squares add: an
+/// estimate, no bound.
 pub struct Inherited<'s> {
     structure: &'s Structure,
-    /// What a step leaves out on request, relative to the state.
+    /// Truncation of a step on request, relative to the state.
     left_out: f64,
     tangent: Tangent<'s>,
-    /// Steps since errors were added last.
+    /// Number of steps since errors were last added.
     steps: f64,
-    /// What the last instant shifts, in units of its time.
+    /// Shift of the state per second of delay of the last instant.
     shift: Vec<f64>,
-    /// Uncertainty of the time of the instant that is open, s.
+    /// Inherited uncertainty of the time of the open instant, s.
     time: Option<f64>,
-    /// The same of the instant that was closed last, for whoever writes its record.
+    /// Inherited uncertainty of the instant closed last, s, for the writer of its record.
     told: &'s Cell<Option<f64>>,
 }
 
 impl<'s> Inherited<'s> {
-    /// From a start that is exact, in steps that leave out the share `left_out` of the rates on request; `told` hears of the uncertainty of each instant.
+    /// Starts from an exact `start`; steps leave out the share `left_out` of the rates on request. `told` receives each uncertainty.
     #[must_use]
     pub fn new(structure: &'s Structure, start: &State, left_out: f64, told: &'s Cell<Option<f64>>) -> Self {
         let dim = HybridSystem::dim(structure);
@@ -46,19 +46,19 @@ impl<'s> Inherited<'s> {
         Self { structure, left_out, tangent, steps: 0.0, shift: vec![0.0; dim], time: None, told }
     }
 
-    /// `√(Σ (h_x s_l)²)/|ḣ|` of a guard, for the columns s_l: how far its zero may have moved.
+    /// Returns `√(Σ (h_x s_l)²)/|ḣ|` of a guard, for the columns s_l: the standard shift of its zero, s.
     fn moved(&self, jumped: &Jumped<'_>, id: crate::hybrid::GuardId) -> f64 {
         let (s, mode, x, dim) = (self.structure, &jumped.from.mode, jumped.x_minus, jumped.x_minus.len());
         let n = s.freedoms();
         let along = |direction: &dyn Fn(usize) -> f64, dt: f64| {
-            // A change of some millionth of the state, by the kind that it changes most. A displacement can be zero at an impact: it is
-            // worth the velocities of a radian then.
+            // The difference is some millionth of the state, by the kind of component that changes most. A displacement can be zero at an
+            // impact: its size is then that of the velocities over a radian.
             let size = |kind: std::ops::Range<usize>, of: &dyn Fn(usize) -> f64| {
                 kind.fold(0.0, |m: f64, i| m.max(of(i).abs()))
             };
             let omega = s.clock().omega();
             let q = size(0..n, &|i| x[i]).max(size(n..2 * n, &|i| x[i]) / omega);
-            // In time a small part of a radian of the forcing, however slow the state is.
+            // The difference in time is a small part of a radian of the forcing, for any speed of the state.
             let state = (size(0..n, direction) / q).max(size(n..2 * n, direction) / (q * omega));
             let share = state.max(omega * dt.abs());
             if share == 0.0 {
@@ -82,7 +82,7 @@ impl<'s> Inherited<'s> {
         squares.sqrt() / rate.abs()
     }
 
-    /// Adds errors of the components, independent of each other and of those before.
+    /// Adds errors of the components, independent of each other and of the earlier errors.
     fn add(&mut self, mode: &Mode, errors: impl Fn(usize) -> f64, shift: f64) {
         let columns = &mut self.tangent.columns;
         let dim = columns.count;
@@ -131,11 +131,11 @@ impl Observer for Inherited<'_> {
 
     fn jump(&mut self, jumped: &Jumped<'_>) {
         let moved = jumped.fired.iter().map(|id| self.moved(jumped, id));
-        // What has grown beyond all numbers, or meets its guard at no speed, is not known.
+        // A shift beyond all numbers, or of a guard at zero speed, is unknown.
         let moved = moved.fold(0.0, |m: f64, moved| if moved.is_nan() { f64::INFINITY } else { m.max(moved) });
         self.time = Some(self.time.map_or(moved, |time| time.max(moved)));
         self.tangent.jump(jumped);
-        // What happens later by dt leaves the state off by `(f⁺ − R f⁻) dt`.
+        // A jump later by dt shifts the state by `(f⁺ − R f⁻) dt`.
         let &Jumped { at, from, to, fired, x_minus, x_plus, settles } = jumped;
         let s = self.structure;
         let mut before = Columns { count: 1, values: vec![0.0; x_minus.len()] };
@@ -152,7 +152,7 @@ impl Observer for Inherited<'_> {
         let n = self.structure.freedoms();
         let largest = |range: std::ops::Range<usize>| record.x_plus[range].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let (q, v, steps) = (largest(0..n), largest(n..2 * n), self.steps + 1.0);
-        // Roundings add by their squares; what steps leave out may have one sign.
+        // Rounding adds by squares; the truncation of steps may have one sign.
         let error = ROUNDED * steps.sqrt() + self.left_out * steps;
         let size = |i: usize| match i {
             i if i < n => q,

@@ -1,4 +1,4 @@
-//! The derivative of the motion: columns that travel with the state of a run, and what of its errors a run has amplified.
+//! Derivative of the motion: columns along the state of a run, and the errors of a run that they amplify.
 
 mod collocation;
 mod exponential;
@@ -22,57 +22,57 @@ use crate::{
     system::{By, Columns, ContactMode, Gradient, Sticking, Structure, Variation, contact_mode},
 };
 
-/// Halvings of a step.
+/// Maximum number of halvings of a step.
 const DEEPEST: u32 = 12;
 
-/// Where a map is only piecewise smooth: impacts that depend on each other fell on one instant. The derivative is that of neighbours whose
-/// impacts stay together; for neighbours that part them it is another one.
+/// Point at which a map is only piecewise smooth: dependent impacts fall on one instant. The derivative is that of neighbours whose impacts
+/// stay together; neighbours whose impacts separate have another derivative.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Corner {
     /// Time since the start of the forcing cycle, s.
     pub phase: f64,
-    /// The contacts, by their places in the train.
+    /// Contacts, by index in the train.
     pub contacts: Vec<usize>,
 }
 
-/// What is known of a mode.
+/// Data of a mode.
 struct Known {
-    /// `f_x`, where it is constant.
+    /// `f_x`, if it is constant.
     gradient: Option<Gradient>,
     held: Option<Sticking>,
-    /// Of a mode with a constant `f_x`.
+    /// Tables of a mode with constant `f_x`.
     tables: Option<Tables>,
-    /// A size of its rates without contacts that vary, rad/s.
+    /// Size of its rates without varying contacts, rad/s.
     rate: f64,
 }
 
-/// The derivative of the state with respect to a start, and to numbers of the train, along a run that it watches.
+/// Derivative of the state with respect to a start, and to parameters of the train, along an observed run.
 pub struct Tangent<'s> {
     structure: &'s Structure,
     /// `∂x/∂(start)`, `[dim][count]`.
     pub columns: Columns,
-    /// The numbers.
+    /// Parameters with respect to which the derivative is taken.
     variations: &'s [Variation],
-    /// `∂x/∂α`, one column for each number.
+    /// `∂x/∂α`, one column for each parameter.
     by_number: Collocated,
-    /// The mode that the columns of numbers have come to.
+    /// Mode up to which the columns of parameters have been advanced.
     mode: Option<Mode>,
     /// `∫ div f dt + Σ ln |det|` of jumps so far; NaN where contacts rest or latch, which have no volume.
     pub volume: f64,
-    /// The first corner that was met.
+    /// First corner on the run.
     pub corner: Option<Corner>,
-    /// A part of the motion could not be resolved: the columns must not be used.
+    /// True if a part of the motion could not be resolved: the columns must not be used.
     pub is_unresolved: bool,
-    /// The latched speeds that were written anew.
+    /// True for each latched speed that has been rewritten.
     pub latched: Vec<bool>,
-    /// How much earlier the instant that is open comes, of the columns and of those of numbers, and whose jumps say so.
+    /// Advance of the open instant per unit of each column, s, of the start and of the parameters, with the contacts that cause it.
     moved: Option<([Vec<f64>; 2], Vec<usize>)>,
-    /// Contacts rest.
+    /// True if contacts rest.
     pub(crate) rests: bool,
-    /// The last jump took a rank.
+    /// True if the last jump reduced the rank.
     pub(crate) dies: bool,
-    /// What nothing follows from at one time, for each mode and each impact met: ranks that contacts at rest take, and whose latched speeds
-    /// are those of open contacts.
+    /// Null directions at one time, for each impact that reduced the rank: the number of ranks lost to contacts at rest, and the latched
+    /// speeds of open contacts.
     pub(crate) dead: Vec<(usize, Vec<bool>)>,
     resets_only: bool,
     modes: BTreeMap<Mode, Known>,
@@ -83,13 +83,13 @@ pub struct Tangent<'s> {
 }
 
 impl<'s> Tangent<'s> {
-    /// The tangent of all components of the state: `columns` is the unit matrix.
+    /// Returns the tangent of all components of the state: `columns` is the unit matrix.
     #[must_use]
     pub fn new(structure: &'s Structure) -> Self {
         Self::of(structure, Columns::unit(HybridSystem::dim(structure)))
     }
 
-    /// The tangent of some `columns`.
+    /// Returns the tangent of some `columns`.
     #[must_use]
     pub fn of(structure: &'s Structure, columns: Columns) -> Self {
         Self {
@@ -115,7 +115,7 @@ impl<'s> Tangent<'s> {
         }
     }
 
-    /// Carries the derivative with numbers of the train too, as `variations` have them.
+    /// Adds the derivative with respect to parameters of the train, given by `variations`.
     #[must_use]
     pub fn with(mut self, variations: &'s [Variation]) -> Self {
         let (count, dim) = (variations.len(), HybridSystem::dim(self.structure));
@@ -123,13 +123,13 @@ impl<'s> Tangent<'s> {
         Self { variations, ..self }
     }
 
-    /// `∂x/∂α` of each number.
+    /// Returns `∂x/∂α` of each parameter.
     #[must_use]
     pub fn by_number(&self) -> &Columns {
         &self.by_number.columns
     }
 
-    /// Takes out of the columns what contacts at rest in the mode of `state`, where the run starts, do not allow.
+    /// Removes from the columns the directions that contacts at rest in the mode of `state`, the start of the run, do not allow.
     pub fn start(&mut self, state: &State) {
         let State { at, x, jump } = state;
         self.restrain(&jump.mode);
@@ -140,13 +140,13 @@ impl<'s> Tangent<'s> {
         }
     }
 
-    /// Takes out of the columns of a start what contacts at rest in `mode` do not allow.
+    /// Removes from the columns of a start the directions that contacts at rest in `mode` do not allow.
     pub(crate) fn restrain(&mut self, mode: &Mode) {
         self.rests = self.structure.held(mode).is_some();
         self.structure.restrain(mode, None, &mut self.columns);
     }
 
-    /// Takes the columns of numbers over a known switching time at `at`, if the mode has changed since it was looked at.
+    /// Advances the columns of parameters over a known switching time at `at`, if the mode has changed since the last call.
     fn switch(&mut self, mode: &Mode, at: Instant, x: &[f64]) {
         let before = self.mode.replace(mode.clone());
         if let Some(before) = before.filter(|before| before != mode) {
@@ -155,7 +155,7 @@ impl<'s> Tangent<'s> {
         }
     }
 
-    /// Forgets the latched speeds of contacts that are open in `mode`: nothing follows from them any more.
+    /// Clears the latched speeds of contacts that are open in `mode`: they no longer influence the motion.
     pub(crate) fn forget(&mut self, mode: &Mode) {
         let count = self.columns.count;
         for (j, c) in self.structure.contacts.iter().enumerate() {
@@ -165,18 +165,18 @@ impl<'s> Tangent<'s> {
         }
     }
 
-    /// Leaves out that neighbours meet an event earlier or later: what differentiating each reset alone gives.
+    /// Omits the saltation, the effect of earlier or later events of neighbours: only the derivative of each reset remains.
     pub fn without_saltation(&mut self) {
         self.resets_only = true;
     }
 
-    /// Whose latched speeds are those of contacts that are open in `mode`.
+    /// Returns for each latched speed whether its contact is open in `mode`.
     fn open(&self, mode: &Mode) -> Vec<bool> {
         let contacts = self.structure.contacts.iter().enumerate().filter(|(_, c)| c.latch().is_some());
         contacts.map(|(j, _)| contact_mode(mode, j) == ContactMode::Separated).collect()
     }
 
-    /// A size of the rates of `mode`, rad/s.
+    /// Returns the size of the rates of `mode`, rad/s.
     pub(crate) fn rate(&self, mode: &Mode) -> f64 {
         self.modes.get(mode).map_or(0.0, |known| known.rate)
     }
@@ -195,10 +195,10 @@ impl<'s> Tangent<'s> {
     }
 }
 
-/// A component this much smaller than the largest of its kind counts as large as that.
+/// Smallest size of a component, relative to the largest of its kind.
 const FLOOR: f64 = 1e-6;
 
-/// The largest entries of the components: of `n` displacements, `n` velocities and the rest, each kind in its own units.
+/// Returns the largest entries of the components: of `n` displacements, `n` velocities and the rest, each kind in its own units.
 fn largest(n: usize, columns: &Columns) -> Vec<f64> {
     let rows = columns.values.chunks_exact(columns.count);
     let mut sizes: Vec<f64> = rows.map(|row| row.iter().fold(0.0, |m: f64, c| m.max(c.abs()))).collect();
@@ -211,12 +211,12 @@ fn largest(n: usize, columns: &Columns) -> Vec<f64> {
     sizes
 }
 
-/// Whether every component is at most `share` of its size.
+/// Returns whether every component is at most `share` of its size.
 fn is_small(columns: &Columns, sizes: &[f64], share: f64) -> bool {
     columns.values.chunks_exact(columns.count).zip(sizes).all(|(row, size)| row.iter().all(|c| c.abs() <= share * size))
 }
 
-/// The largest difference of two, relative to the sizes of the components.
+/// Returns the largest difference of two columns, relative to the sizes of the components.
 fn difference(a: &Columns, b: &Columns, sizes: &[f64]) -> f64 {
     let rows = a.values.chunks_exact(a.count).zip(b.values.chunks_exact(b.count)).zip(sizes);
     rows.filter(|(_, size)| **size > 0.0)
@@ -224,7 +224,7 @@ fn difference(a: &Columns, b: &Columns, sizes: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Multipliers that are exactly zero: the most that is dead at one time, of latched speeds those that are `written` later.
+/// Returns the number of exactly zero multipliers: the most null directions at one time, with latched speeds only if `written` later.
 pub(crate) fn zeros(dead: &[(usize, Vec<bool>)], written: &[bool]) -> usize {
     let latched = |open: &[bool]| open.iter().zip(written).filter(|(open, written)| **open && **written).count();
     dead.iter().map(|(ranks, open)| ranks + latched(open)).max().unwrap_or(0)

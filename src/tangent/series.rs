@@ -1,4 +1,4 @@
-//! Columns along a step by their own series, from the series of the step.
+//! Columns along a step by series, formed from the series of the step.
 
 use super::{DEEPEST, Tangent, largest};
 use crate::{
@@ -8,19 +8,19 @@ use crate::{
     vectors::{Path, Work},
 };
 
-/// Highest power of the columns' series.
+/// Highest power of the series of the columns.
 const ORDER: usize = 28;
 
-/// The series of a step that the derivative along it is made from, in the step's clock.
+/// Series of a step from which its derivative is formed, in the clock of the step.
 pub(super) struct Coefficients {
     /// `dt/dθ`.
     clock: Vec<f64>,
-    /// For each contact that changes: it, its latched speed, and its changes times the clock's rate.
+    /// Each changing contact: its index, the index of its latched speed, and its changes times the rate of the clock.
     changes: Vec<(usize, Option<usize>, [Vec<f64>; 3])>,
 }
 
 impl Coefficients {
-    /// Those of `step`; `None` where it does not know them.
+    /// Reads the series of `step`; `None` if the step does not know them.
     pub fn new(structure: &Structure, mode: &Mode, step: &dyn DenseStep) -> Option<Self> {
         let show = |what: Shown| {
             let mut series = Vec::new();
@@ -34,7 +34,7 @@ impl Coefficients {
         Some(Self { clock, changes: changes.collect::<Option<_>>()? })
     }
 
-    /// The same on `[from, to]`, by a clock that goes from 0 to 1 there.
+    /// Returns the series on `[from, to]`, with a clock from 0 to 1 there.
     fn part(&self, from: f64, to: f64) -> Self {
         let part = |series: &Vec<f64>| {
             let mut shifted = series.clone();
@@ -56,35 +56,35 @@ impl Coefficients {
     }
 }
 
-/// A series goes on while its terms, as many in a row as a root clock may leave out, are above this share of a rounding.
+/// Share of a rounding below which terms end a series. As many in a row must be small as a root clock may leave out.
 const NEGLIGIBLE: f64 = 1.0 / 16.0;
 
-/// The recurrence of the columns' series, some columns side by side.
+/// Recurrence of the series of the columns, some columns side by side.
 struct Recurrence<'a> {
     structure: &'a Structure,
     held: Option<&'a Sticking>,
     coefficients: &'a Coefficients,
-    /// Sizes of the components.
+    /// Sizes of the components, for the ends of the series.
     sizes: &'a [f64],
     columns: &'a mut Columns,
     work: &'a mut Orders,
 }
 
-/// Room for it: each one has a row for each component or contact, order by order.
+/// Buffers of the recurrence; each has a row for each component or contact, order by order.
 #[derive(Default)]
 pub(super) struct Orders {
-    /// The terms.
+    /// Terms of the series.
     terms: Vec<Lanes>,
-    /// `f_x` without contacts, applied to them.
+    /// `f_x` without contacts, applied to the terms.
     base: Vec<Lanes>,
-    /// `gᵀδq` and `gᵀδq̇` of contacts, all orders of one after the other.
+    /// `gᵀδq` and `gᵀδq̇` of contacts, all orders of one contact together.
     along: [Vec<Lanes>; 2],
-    /// The sums, of all columns.
+    /// Sums of the series, for all columns.
     sums: Vec<f64>,
 }
 
 impl Work for Recurrence<'_> {
-    /// Whether the series are short enough. The columns have moved then.
+    /// True if the series are short enough. The columns are then advanced.
     type Output = bool;
 
     #[inline(always)]
@@ -115,7 +115,7 @@ impl Work for Recurrence<'_> {
     }
 }
 
-/// The terms up to the order that is returned; `None` where they are not short enough.
+/// Computes the terms up to the returned order; `None` if they are not short enough.
 #[inline(always)]
 fn expand<P: Path>(
     path: P,
@@ -176,7 +176,7 @@ fn expand<P: Path>(
 }
 
 impl Tangent<'_> {
-    /// The columns along a part of a step, by their own series; `false` where they are not short enough.
+    /// Advances the columns along a part of a step by series; returns `false` if the series are not short enough.
     fn expand(&mut self, mode: &Mode, c: &Coefficients) -> bool {
         let Self { structure: s, columns, modes, orders, .. } = self;
         let Some(known) = modes.get(mode) else { return true };
@@ -192,7 +192,7 @@ impl Tangent<'_> {
         true
     }
 
-    /// The same, in as many parts as it takes; what no series is short enough for is collocated.
+    /// Advances the columns in as many parts as needed; parts without a short series are collocated.
     pub(super) fn expand_parts(
         &mut self,
         mode: &Mode,
@@ -214,7 +214,7 @@ impl Tangent<'_> {
     }
 }
 
-/// The integral of a series over `[0, 1]`.
+/// Returns the integral of a series over `[0, 1]`.
 fn integral(series: &[f64]) -> f64 {
     series.iter().enumerate().map(|(k, c)| c / (k + 1) as f64).sum()
 }

@@ -1,4 +1,4 @@
-//! Bodies, springs and meshes in all freedoms of a train, and the same train in the freedoms that it keeps.
+//! Bodies, springs and meshes in all degrees of freedom of a train, and the same train in the degrees of freedom that it keeps.
 
 use std::f64::consts::TAU;
 
@@ -10,21 +10,21 @@ use crate::{
     system::{Bearing, BearingSpring, ContactSpec, LoadHarmonic, Spec},
 };
 
-/// The freedoms of one gear, by their places among all.
+/// Degrees of freedom of one gear, by index among all.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wheel {
-    /// Place of the first of the two freedoms of its centre.
+    /// Index of the first of the two degrees of freedom of its centre.
     pub centre: usize,
-    /// Direction of that first freedom, rad, counter-clockwise from x.
+    /// Direction of that first degree of freedom, rad, counter-clockwise from x.
     pub turned: f64,
-    /// Place of its rotation, and metres on its base circle for a unit of that freedom.
+    /// Index of its rotation, and metres on its base circle per unit of that degree of freedom.
     pub rotation: (usize, f64),
-    /// Place of its motion along the axis.
+    /// Index of its motion along the axis.
     pub axial: Option<usize>,
 }
 
 impl Wheel {
-    /// A gear with the freedoms x, y, u from `row` on, u on its base circle.
+    /// Returns a gear with the degrees of freedom x, y, u from `row` on, u on its base circle.
     pub fn at(row: usize, turned: f64) -> Self {
         Self { centre: row, turned, rotation: (row + 2, 1.0), axial: None }
     }
@@ -59,7 +59,7 @@ impl LineOfAction {
         [-self.sense * sin, self.sense * cos]
     }
 
-    /// `∂δ/∂q` in all `n` freedoms.
+    /// Returns `∂δ/∂q` in all `n` degrees of freedom.
     pub fn direction(&self, pinion: Wheel, wheel: Wheel, n: usize) -> DVector<f64> {
         let (helix_sin, helix_cos) = libm::sincos(self.base_helix);
         let mut g = DVector::zeros(n);
@@ -77,7 +77,7 @@ impl LineOfAction {
     }
 }
 
-/// A train in all of its freedoms.
+/// A train in all of its degrees of freedom.
 pub(super) struct Assembly {
     pub mass: DMatrix<f64>,
     pub damping: DMatrix<f64>,
@@ -102,13 +102,13 @@ impl Assembly {
         }
     }
 
-    /// Adds a body with the freedoms x, y, u from `row` on.
+    /// Adds a body with the degrees of freedom x, y, u from `row` on.
     pub fn body(&mut self, row: usize, body: &Body) {
         let inertias = [body.mass, body.mass, body.rotary_mass];
         inertias.iter().enumerate().for_each(|(k, m)| self.mass[(row + k, row + k)] += *m);
     }
 
-    /// Adds a spring and a damper between one freedom and the frame; `mass` is the one that a damping ratio refers to.
+    /// Adds a spring and a damper between one degree of freedom and the frame; `mass`, kg, is the reference of a damping ratio.
     pub fn hold(&mut self, row: usize, support: Support, mass: f64) {
         self.stiffness[(row, row)] += support.stiffness;
         self.damping[(row, row)] += support.coefficient(mass);
@@ -138,7 +138,7 @@ impl Assembly {
         }
     }
 
-    /// Adds the bearing of a body's centre, with the freedoms x, y from `row` on, in the frame.
+    /// Adds the bearing of the centre of a body in the frame, with the degrees of freedom x, y from `row` on.
     pub fn bearing_at(&mut self, name: &str, row: usize, body: &Body) {
         let n = self.load.len();
         let along = |row: usize| DVector::from_fn(n, |i, _| f64::from(i == row));
@@ -157,7 +157,7 @@ impl Assembly {
         Ok(self.contacts.last_mut().expect("one was added"))
     }
 
-    /// The train in the freedoms `q` of `q_all = P q`: `Pᵀ M P` and so on, directions `Pᵀ g`. Of bodies and loads a `share` is taken.
+    /// Returns the train in the coordinates `q` of `q_all = P q`: `Pᵀ M P` and so on, directions `Pᵀ g`; bodies and loads times `share`.
     pub fn reduced(self, freedoms: Vec<String>, p: &DMatrix<f64>, share: f64, frequency: f64) -> Spec {
         let reduce = |matrix: &DMatrix<f64>| share * p.tr_mul(matrix) * p;
         let symmetric = |matrix: DMatrix<f64>| 0.5 * (&matrix + matrix.transpose());

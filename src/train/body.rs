@@ -1,4 +1,4 @@
-//! Rigid bodies and what holds them.
+//! Rigid bodies and their supports.
 
 use std::fmt;
 
@@ -14,7 +14,7 @@ pub enum Damping {
     Viscous(f64),
 }
 
-/// Spring and damper between a body and what carries it.
+/// Spring and damper between a body and its support.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Support {
     /// Stiffness k, N/m, ≥ 0; for a rotation on `u = r θ`, so torsional stiffness over r².
@@ -59,11 +59,11 @@ pub struct Body {
     pub rotary_mass: f64,
     /// Radius r on which the rotation is counted, m, > 0.
     pub radius: f64,
-    /// Largest radius the body's material reaches, m, if known; only for the plausibility check of its inertia.
+    /// Largest radius of the material of the body, m, if known; only for the plausibility check of its inertia.
     pub outer_radius: Option<f64>,
-    /// What holds its centre, the same in every direction: the frame, or for a planet the carrier.
+    /// Support of its centre, the same in every direction, in the frame, or for a planet in the carrier.
     pub translation: Support,
-    /// What holds its rotation (on u) against the frame.
+    /// Support of its rotation (on u) in the frame.
     pub rotation: Support,
 }
 
@@ -87,7 +87,7 @@ impl Body {
         self.rotary_mass * self.radius * self.radius
     }
 
-    /// The radius of gyration if it lies beyond the outer radius, both in m: `(gyration, outer)`.
+    /// Returns the radius of gyration if it lies beyond the outer radius, both in m: `(gyration, outer)`.
     #[must_use]
     pub fn impossible_gyration(&self) -> Option<(f64, f64)> {
         let gyration = radius_of_gyration(self.mass, self.inertia());

@@ -1,4 +1,4 @@
-//! A train as a picture shows it: its gears in place, and how they move with its freedoms.
+//! Picture of a train: its gears in place, and their motion with the degrees of freedom.
 
 use nalgebra::{DMatrix, RowDVector};
 
@@ -14,7 +14,7 @@ pub struct Drawing {
 /// A gear of a drawing. Planets stand still: its frame turns with their carrier.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GearDrawing {
-    /// Its name.
+    /// Name of the gear.
     pub name: String,
     /// Centre at rest, m.
     pub centre: [f64; 2],
@@ -22,7 +22,7 @@ pub struct GearDrawing {
     pub radius: f64,
     /// Tooth number; 0 of a carrier, whose circle goes through the centres of its planets.
     pub teeth: u32,
-    /// Its teeth point inwards.
+    /// True if the teeth point inwards.
     pub is_ring: bool,
     /// Angle of a tooth (of a ring: of a space) at time 0, rad.
     pub angle: f64,
@@ -33,7 +33,7 @@ pub struct GearDrawing {
 }
 
 impl GearDrawing {
-    /// Takes rows of all freedoms to those that are kept, `q_all = P q`, and of these the first `n`.
+    /// Converts rows of all degrees of freedom to the kept ones, `q_all = P q`, and keeps the first `n`.
     pub(super) fn reduce(&mut self, p: &DMatrix<f64>, n: usize) {
         for row in &mut self.motion {
             let kept = RowDVector::from_vec(std::mem::take(row)) * p;
@@ -42,7 +42,7 @@ impl GearDrawing {
     }
 }
 
-/// Rows of a centre whose first freedom lies at `row` in a direction `turned` from x, rad, and of a rotation at `(place, factor)`.
+/// Returns the rows of a centre with first coordinate at `row`, `turned` rad from x, and of a rotation at `(place, factor)`.
 pub(super) fn rows(n: usize, row: usize, turned: f64, rotation: (usize, f64)) -> [Vec<f64>; 3] {
     let (sin, cos) = libm::sincos(turned);
     let along = |entries: &[(usize, f64)]| {

@@ -1,4 +1,4 @@
-//! Why a train cannot be assembled.
+//! Errors in the assembly of a train.
 
 use std::fmt;
 
@@ -6,28 +6,28 @@ use thiserror::Error;
 
 use crate::{gear::GeometryError, system::EquilibriumError};
 
-/// Why a train cannot be assembled.
+/// Error in the assembly of a train.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum TrainError {
     /// A value outside its range.
     #[error("{name} is {value}; it must be {wanted}")]
     Value {
-        /// What it is called.
+        /// Name of the value.
         name: String,
-        /// What it was.
+        /// The value.
         value: f64,
-        /// The range.
+        /// Permitted range.
         wanted: &'static str,
     },
-    /// A freedom the train does not have, or one named twice.
+    /// An unknown degree of freedom, or one named twice.
     #[error("no freedom `{name}` to keep; the train has {}", known.join(", "))]
     Freedom {
-        /// The name asked for.
+        /// Requested name.
         name: String,
-        /// The names there are.
+        /// Known names.
         known: Vec<String>,
     },
-    /// The in-phase reduction asked for planets that are not alike.
+    /// The in-phase reduction was requested for planets that are not alike.
     #[error(
         "the in-phase reduction needs alike planets, equally spaced, with equal mesh phases; planet {planet} differs"
     )]
@@ -38,15 +38,15 @@ pub enum TrainError {
     /// Fewer or more phases than planets.
     #[error("{got} mesh phases for {planets} planets")]
     Phases {
-        /// Planets.
+        /// Number of planets.
         planets: usize,
-        /// Phases given.
+        /// Number of phases given.
         got: usize,
     },
     /// Something varies with the mesh frequency, which is zero.
     #[error("{what} varies with the mesh frequency, but the speed is zero")]
     Standing {
-        /// What varies.
+        /// The varying quantity.
         what: String,
     },
     /// There is no state of rest.
@@ -57,7 +57,7 @@ pub enum TrainError {
     Geometry(#[from] GeometryError),
 }
 
-/// `value` if `ok`, else the error that says what it should have been. The name is written only there.
+/// Returns an error with the permitted range unless `ok`. The name is formatted only in that case.
 pub(super) fn check(name: impl fmt::Display, value: f64, ok: bool, wanted: &'static str) -> Result<(), TrainError> {
     if ok && value.is_finite() { Ok(()) } else { Err(TrainError::Value { name: name.to_string(), value, wanted }) }
 }

@@ -1,4 +1,4 @@
-//! Freedoms whose motion is given.
+//! Degrees of freedom with a given motion.
 
 use nalgebra::DVector;
 
@@ -7,9 +7,9 @@ use crate::{
     system::{LoadHarmonic, Spec},
 };
 
-/// The train without the freedoms behind the named ones, of which number `i` moves by the sum of `motions[i]`, each `a cos(ω t + φ)`.
+/// Removes the degrees of freedom after the named ones; number `i` moves by the sum of `motions[i]`, each `a cos(ω t + φ)`.
 ///
-/// The other freedoms receive `−M_k ü − C_k u̇ − K_k u` of each freedom k that goes, and each contact the error `−g_k u`.
+/// The other degrees of freedom receive `−M_k ü − C_k u̇ − K_k u` of each removed one k, and each contact the error `−g_k u`.
 pub(super) fn impose(mut spec: Spec, motions: &[Vec<Harmonic>]) -> Spec {
     let n = spec.freedoms.len();
     let mut loads = Vec::new();
@@ -36,7 +36,7 @@ pub(super) fn impose(mut spec: Spec, motions: &[Vec<Harmonic>]) -> Spec {
     spec.load_harmonics.extend(loads);
     spec.load_schedules.iter_mut().for_each(|load| load.vector.truncate(n));
     spec.contacts.iter_mut().for_each(|contact| contact.direction.truncate(n));
-    // Its force would have a part of the given motion, which no state holds.
+    // The force would contain a part of the given motion, which is not in the state.
     spec.bearings.retain(|bearing| bearing.springs.iter().all(|s| s.direction[n..].iter().all(|d| *d == 0.0)));
     spec.bearings.iter_mut().flat_map(|b| &mut b.springs).for_each(|spring| spring.direction.truncate(n));
     spec.load.truncate(n);

@@ -1,4 +1,4 @@
-//! One mesh of a train, before a speed turns its clock into time.
+//! One mesh of a train, in its own clock.
 
 use super::error::{TrainError, check};
 use crate::gear::contact::{Law, Linear};
@@ -14,7 +14,7 @@ pub struct Mesh {
     pub stiffness: MeshStiffness,
     /// Half the total backlash, b, m, ≥ 0: the drive flank is touched at deflection +b, the back flank at −b.
     pub half_backlash: f64,
-    /// Which flanks exist. With the drive flank alone and `half_backlash` 0, deflection is counted from contact.
+    /// Flanks of the mesh. With the drive flank alone and `half_backlash` 0, deflection is counted from contact.
     pub flanks: Flanks,
     /// Transmission error `e = Σ E sin(2π h τ + φ)`, m; positive opens the drive flank.
     pub error: Vec<MeshHarmonic>,
@@ -24,11 +24,11 @@ pub struct Mesh {
     pub phase: f64,
     /// Damper between the gears in every state, N s/m, ≥ 0.
     pub gap_damping: f64,
-    /// The back flank, where it differs from the drive flank.
+    /// Back flank, where it differs from the drive flank.
     pub back: Option<MeshBack>,
 }
 
-/// A back flank with numbers of its own. Its clock is that of the mesh, `phase` periods ahead.
+/// A back flank with different data. Its clock is that of the mesh, `phase` periods ahead.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshBack {
     /// Stiffness, N/m (N/mⁿ for a power law).
@@ -58,7 +58,7 @@ impl Mesh {
         }
     }
 
-    /// Linear mesh that never separates, damping `c = 2 ζ √(k̄ m₁ m₂/(m₁ + m₂))`.
+    /// Returns a linear mesh that never separates, with damping `c = 2 ζ √(k̄ m₁ m₂/(m₁ + m₂))`.
     ///
     /// k̄ in N/m, ζ ≥ 0, rotary masses of the two gears in kg.
     #[must_use]
@@ -67,7 +67,7 @@ impl Mesh {
         Self::new(law, MeshStiffness::Constant(stiffness))
     }
 
-    /// The contact element at mesh frequency f_m, Hz (0: standing), with its direction in the train's freedoms.
+    /// Returns the contact element at mesh frequency f_m, Hz (0: standing), with its direction in the degrees of freedom of the train.
     pub(super) fn contact(&self, name: String, direction: Vec<f64>, frequency: f64) -> Result<ContactSpec, TrainError> {
         check(format_args!("{name}: half backlash"), self.half_backlash, self.half_backlash >= 0.0, ">= 0")?;
         if self.law.is_bilateral() {
@@ -99,7 +99,7 @@ impl Mesh {
         })
     }
 
-    /// A flank in time.
+    /// Converts a flank to functions of time.
     fn flank(&self, name: &str, flank: &MeshBack, frequency: f64) -> Result<BackFlank, TrainError> {
         check(format_args!("{name}: error offset"), flank.error_offset, true, "finite")?;
         check(format_args!("{name}: phase"), flank.phase, true, "finite")?;
@@ -123,7 +123,7 @@ impl Mesh {
     }
 }
 
-/// The stiffness's own ranges.
+/// Checks the ranges of a stiffness.
 pub(super) fn check_stiffness(name: &str, stiffness: &MeshStiffness) -> Result<(), TrainError> {
     match stiffness.fault() {
         Some((what, value, wanted)) => Err(TrainError::Value { name: format!("{name}: {what}"), value, wanted }),

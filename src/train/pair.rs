@@ -1,4 +1,4 @@
-//! A pair of gears: the dimensionless single freedom of Kahraman and Singh, and pairs with real geometry.
+//! A pair of gears: the dimensionless model of Kahraman and Singh with one degree of freedom, and pairs with real geometry.
 
 use std::f64::consts::TAU;
 
@@ -29,8 +29,8 @@ pub struct KahramanSingh {
     pub stiffness: MeshStiffness,
     /// Excitation frequency Ω, > 0.
     pub omega: f64,
-    /// Whether the damper acts in the gap too (the classical equation) or in contact only, where the contact then
-    /// ends at x = ±1 whatever the sign of the force.
+    /// True if the damper acts in the gap too (the classical equation). Otherwise it acts in contact only, and the contact ends at x = ±1
+    /// for any sign of the force.
     pub damping_in_gap: bool,
 }
 
@@ -48,7 +48,7 @@ impl KahramanSingh {
         }
     }
 
-    /// One freedom `x`, one contact `mesh` with both flanks.
+    /// Returns a train with one degree of freedom `x` and one contact `mesh` with both flanks.
     ///
     /// # Errors
     /// [`TrainError::Value`] for a value outside its range.
@@ -128,7 +128,7 @@ impl GearPair {
         self.rpm / 60.0 * f64::from(self.driving_teeth)
     }
 
-    /// Two freedoms `u_1`, `u_2`; without torsional supports both may turn together freely (`u₁ = −u₂`).
+    /// Returns a train with the two degrees of freedom `u_1`, `u_2`; without torsional supports both may turn together freely (`u₁ = −u₂`).
     ///
     /// # Errors
     /// [`TrainError`] for a value outside its range or a standing pair with a varying mesh.
@@ -136,8 +136,8 @@ impl GearPair {
         self.assemble(&TORSIONAL)
     }
 
-    /// Six freedoms `x_1, y_1, u_1, x_2, y_2, u_2` with
-    /// `δ = x₁ sin α + y₁ cos α + u₁ − x₂ sin α − y₂ cos α + u₂ − e`.
+    /// Returns a train with the six degrees of freedom `x_1, y_1, u_1, x_2, y_2, u_2` and `δ = x₁ sin α + y₁ cos α + u₁ − x₂ sin α − y₂ cos
+    /// α + u₂ − e`.
     ///
     /// # Errors
     /// As for [`torsional`](Self::torsional).
@@ -145,7 +145,7 @@ impl GearPair {
         self.assemble(&TRANSLATIONAL)
     }
 
-    /// The pair as a picture shows it, with the freedoms of [`translational`](Self::translational) or of [`torsional`](Self::torsional).
+    /// Returns the drawing of the pair, in the coordinates of [`translational`](Self::translational) or [`torsional`](Self::torsional).
     #[must_use]
     pub fn drawing(&self, is_translational: bool) -> Drawing {
         let kept: &[usize] = if is_translational { &TRANSLATIONAL } else { &TORSIONAL };
@@ -179,7 +179,7 @@ impl GearPair {
         Drawing { points: vec![point([0.0; 2], driving, 0.0)], gears: vec![first, second] }
     }
 
-    /// The pair in the freedoms at these places among all six.
+    /// Returns the pair in the degrees of freedom with these indices among all six.
     fn assemble(&self, kept: &[usize]) -> Result<Spec, TrainError> {
         self.driving.check("driving gear")?;
         self.driven.check("driven gear")?;
@@ -210,11 +210,11 @@ impl GearPair {
     }
 }
 
-/// Places of the kept freedoms among all six.
+/// Indices of the kept degrees of freedom among all six.
 const TORSIONAL: [usize; 2] = [2, 5];
 const TRANSLATIONAL: [usize; 6] = [0, 1, 2, 3, 4, 5];
 
-/// P of `q_all = P q`.
+/// Returns P of `q_all = P q`.
 fn projection(kept: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(TRANSLATIONAL.len(), kept.len(), |row, column| f64::from(row == kept[column]))
 }

@@ -1,16 +1,16 @@
-//! A train with other contacts: the same one, with one quantity of every contact multiplied.
+//! A train with scaled contacts: one quantity of every contact is multiplied.
 
 use serde::Serialize;
 
 use crate::gear::contact::Law;
 use crate::system::{ContactSpec, Spec};
 
-/// What of every contact is multiplied.
+/// Quantity of every contact that is multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Quantity {
-    /// Stiffness k, at every instant of its schedule. The damping c of linear laws follows as the root of the factor, so that
-    /// the damping ratio stays; the hysteresis coefficient of power laws says a restitution and stays as it is.
+    /// Stiffness k, at every instant of its schedule. The damping c of linear laws follows as the root of the factor, which keeps the
+    /// damping ratio. The hysteresis coefficient of power laws defines a restitution and is not changed.
     Stiffness,
     /// Damping c of linear laws, hysteresis coefficient D of power laws.
     Damping,
@@ -19,7 +19,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// All of them.
+    /// All quantities.
     pub const ALL: [Self; 3] = [Self::Stiffness, Self::Damping, Self::Backlash];
 
     /// `stiffness`, `damping` or `backlash`.
@@ -34,8 +34,8 @@ impl Quantity {
 }
 
 impl Spec {
-    /// The train with `quantity` of every contact `factor` times as large, `factor` ≥ 0. Supports, masses, loads and errors
-    /// stay; rigid contacts have a backlash alone.
+    /// Returns the train with `quantity` of every contact multiplied by `factor` ≥ 0. Supports, masses, loads and errors are not changed;
+    /// rigid contacts have a backlash alone.
     #[must_use]
     pub fn scaled(&self, quantity: Quantity, factor: f64) -> Self {
         let mut spec = self.clone();
@@ -58,7 +58,7 @@ impl Spec {
         spec
     }
 
-    /// Whether any contact has some of `quantity`, so that a factor on it makes another train.
+    /// Returns whether `quantity` is non-zero in any contact, so that a factor on it changes the train.
     #[must_use]
     pub fn has(&self, quantity: Quantity) -> bool {
         self.contacts.iter().any(|contact: &ContactSpec| match quantity {

@@ -7,7 +7,7 @@ use crate::gear::contact::Law;
 use crate::gear::{Harmonic, Stiffness};
 use crate::system::{ContactSpec, Flanks, LoadHarmonic, Spec};
 
-/// Where the walls are. Positions are of the mass at touch, m.
+/// Positions of the walls, m, given as the position of the mass at touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Walls {
     /// The mass stays at `x ≤ position`.
@@ -42,13 +42,13 @@ pub struct Walled {
     pub load_harmonics: Vec<Harmonic>,
     /// The walls.
     pub walls: Walls,
-    /// Their common motion w, m, in the direction of x.
+    /// Common motion w of the walls, m, in the direction of x.
     pub motion: Vec<Harmonic>,
     /// Contact law.
     pub law: Law,
     /// Contact stiffness, N/m (N/mⁿ for a power law); a rigid law ignores it.
     pub contact_stiffness: Stiffness,
-    /// Frequency that sections and spectra count in, rad/s, if there is one.
+    /// Reference frequency of sections and spectra, rad/s, if there is one.
     pub omega: Option<f64>,
 }
 
@@ -70,9 +70,9 @@ impl Walled {
         }
     }
 
-    /// One freedom `x`, one contact `wall` (`walls` if there are two).
+    /// Returns a train with one degree of freedom `x` and one contact `wall` (`walls` if there are two).
     ///
-    /// A wall below is a wall above seen in `−x`: direction −1 and its motion negated.
+    /// A wall below is a wall above in terms of `−x`: direction −1 and negated motion.
     ///
     /// # Errors
     /// [`TrainError::Value`] for a value outside its range.

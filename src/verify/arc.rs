@@ -1,4 +1,4 @@
-//! One arc of a run, and the sizes of the terms in it: rounding is a few units of them.
+//! One arc of a run, and the sizes of its terms: rounding is a few units of them.
 
 use super::{Lane, TOLERANCE};
 use crate::{
@@ -6,21 +6,21 @@ use crate::{
     hybrid::{GuardId, GuardSet, HybridSystem, Instant, VectorField},
 };
 
-/// Rounding of a guard in units of its terms, in ε: a value below it counts as zero. Each step before adds two.
+/// Rounding of a guard in units of ε times its terms: a value below it counts as zero. Each earlier step adds two.
 const ROUNDING: f64 = 32.0;
-/// Terms of the exponential: couplings from a coordinate to a guard that are seen.
+/// Number of terms of the exponential: the depth of couplings from a coordinate to a guard.
 const COUPLINGS: usize = 6;
-/// Time of a touch as a part of the time unit: the root of the relative error of a guard.
+/// Duration of a touch relative to the time unit: the root of the relative error of a guard.
 const TOUCH: f64 = 1e-7;
-/// Relative change of a coordinate in a difference quotient, and one for coordinates that are zero and stay so.
+/// Relative change of a coordinate in a difference quotient; `SMALLEST` is for coordinates that are and stay zero.
 const CHANGE: f64 = 1e-3;
 const SMALLEST: f64 = 1e-9;
 
-/// An arc of a run, with what the run says of its end.
+/// An arc of a run, with the end that the run reports.
 pub(super) struct Arc<'a> {
     pub system: &'a dyn HybridSystem,
     pub lane: &'a Lane,
-    /// Its length, s.
+    /// Duration of the arc, s.
     pub length: f64,
     /// Unit of the tolerance, s.
     pub unit: f64,
@@ -32,7 +32,7 @@ pub(super) struct Arc<'a> {
 }
 
 impl<'a> Arc<'a> {
-    /// The arc from where a check stands to `end`; `period` is its unit of time, s, or else its own length.
+    /// Returns the arc from the position of a check to `end`; `period` is its unit of time, s, or else its own length.
     pub fn new(system: &'a dyn HybridSystem, lane: &'a Lane, end: Instant, period: Option<f64>) -> Self {
         let from = &lane.last;
         let length = system.clock().between(from.at, end);
@@ -65,7 +65,7 @@ impl<'a> Arc<'a> {
         self.system.field()
     }
 
-    /// Value of guard `g` at `x`, `t` s after the start.
+    /// Returns the value of guard `g` at `x`, `t` s after the start.
     pub fn guard(&self, g: usize, t: f64, x: &[f64]) -> f64 {
         let at = self.system.clock().advance(self.lane.last.at, t);
         self.system.guard(&self.lane.last.jump.mode, self.guards[g], at, x)
@@ -75,13 +75,13 @@ impl<'a> Arc<'a> {
         self.lane.pending.iter().fold(GuardSet::default(), |set, record| &set | &record.fired)
     }
 
-    /// What two instants may differ by and still be one to the check by values, s; at its end the run's own uncertainty counts.
+    /// Returns the largest difference of instants that the check by values counts as one, s, with the uncertainty stated by the run.
     pub fn tolerance(&self) -> f64 {
         let stated = self.lane.pending.iter().fold(0.0, |m: f64, record| m.max(record.conditioning.time));
         TOLERANCE * self.unit + self.resolution() + stated
     }
 
-    /// Whether one of `touches` is of a guard in `set`, and `at` is in it: it cannot be told from a dip.
+    /// Returns whether one of `touches` is of a guard in `set` and covers `at`: it cannot be distinguished from a dip.
     pub fn is_touched<'r>(
         &self,
         touches: impl IntoIterator<Item = &'r EventRecord>,
@@ -93,7 +93,7 @@ impl<'a> Arc<'a> {
         touches.into_iter().any(|touch| holds(touch) && !(&touch.fired & set).is_empty())
     }
 
-    /// Tells that each guard in `set` passes zero within a time `margin` of `record`, s, to first order.
+    /// Returns whether each guard in `set` passes zero within a time `margin` of `record`, s, to first order.
     pub fn is_close(&self, set: &GuardSet, record: &EventRecord, margin: f64) -> bool {
         let mut rate = vec![0.0; record.x_minus.len()];
         self.field().eval(&self.lane.last.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);
@@ -103,19 +103,19 @@ impl<'a> Arc<'a> {
         set.iter().all(|id| self.guards.iter().position(|own| *own == id).is_some_and(passes))
     }
 
-    /// Rounding of the two instants that the arc lies between, s.
+    /// Returns the rounding of the two instants that bound the arc, s.
     fn resolution(&self) -> f64 {
         8.0 * f64::EPSILON * f64::EPSILON * self.system.clock().time(self.lane.last.at).hi.abs()
     }
 
-    /// Size of the terms of guard `g` at `x`, where `x` moves with rate `f` for a time `h`.
+    /// Returns the size of the terms of guard `g` at `x`, where `x` moves with rate `f` for a time `h`.
     pub fn size(&self, g: usize, (x, f): (&[f64], &[f64]), h: f64) -> f64 {
         let gradient = &self.gradients[g * x.len()..];
         gradient.iter().zip(x.iter().zip(f)).map(|(d, (x, f))| d * (x.abs() + h * f.abs())).sum()
     }
 
-    /// What an error of each coordinate does to the guards within a time `h`, relative to their `sizes`:
-    /// `Σ_g |∂g/∂x| exp(h|J|)/size`. A coordinate that is zero by symmetry has no size of its own.
+    /// Returns the effect of an error of each coordinate on the guards within a time `h`, relative to their `sizes`: `Σ_g |∂g/∂x|
+    /// exp(h|J|)/size`. The sizes of the coordinates themselves may be zero by symmetry.
     pub fn weights(&self, sizes: &[f64], h: f64) -> Vec<f64> {
         let dim = self.lane.last.x.len();
         let mut at_once = vec![0.0; dim];
@@ -131,11 +131,11 @@ impl<'a> Arc<'a> {
         })
     }
 
-    /// How well the time of `record` is known after `steps` steps of the arc, s.
+    /// Returns the uncertainty of the time of `record` after `steps` steps of the arc, s.
     ///
-    /// The error of its own step is on record. The steps before it leave the rounding of the state, the terms of the guard and
-    /// what their rates make of it until the end of the arc, over the slope of the guard; where that vanishes, half the
-    /// curvature times unit² stands for the size of the terms.
+    /// The record has the error of its own step. Earlier steps leave the rounding of the state, of the terms of the guard, and of their
+    /// rates until the end of the arc. This is divided by the slope of the guard. If the slope vanishes, half the curvature times unit²
+    /// replaces the size of the terms.
     pub fn uncertainty(&self, record: &EventRecord, steps: u64) -> f64 {
         let mut rate = vec![0.0; self.lane.last.x.len()];
         self.field().eval(&self.lane.last.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);

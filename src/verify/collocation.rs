@@ -1,7 +1,7 @@
-//! Smooth motion by Picard's iteration on Chebyshev nodes: an explicit method that needs nothing but `f(t, x)`.
+//! Smooth motion by Picard's iteration on Chebyshev nodes: an explicit method that only evaluates `f(t, x)`.
 //!
-//! On a step, `x(θ) = x₀ + h ∫ f` is asked for at the nodes, with the polynomial through the values of f in place of f
-//! (Clenshaw and Norton 1963). The values are found one node after the other, round by round, until nothing changes.
+//! On a step, `x(θ) = x₀ + h ∫ f` is solved at the nodes, with f replaced by the polynomial through its values (Clenshaw and Norton 1963).
+//! The values are found one node after the other, in rounds, until nothing changes.
 
 use std::{array::from_fn, f64::consts::PI};
 
@@ -10,7 +10,7 @@ use super::arc::Arc;
 /// Degree of the polynomial of f: 17 nodes, the ends among them.
 pub(super) const DEGREE: usize = 16;
 const NODES: usize = DEGREE + 1;
-/// Rounds after which a step counts as too long: `(hL)^k/k!` is then below rounding up to `hL = 12`.
+/// Number of rounds after which a step counts as too long: `(hL)^k/k!` is then below rounding up to `hL = 12`.
 const ROUNDS: usize = 50;
 /// Truncation relative to the terms of a component.
 pub(super) const RTOL: f64 = 1e-13;
@@ -19,11 +19,11 @@ pub(super) const RTOL: f64 = 1e-13;
 pub(super) type Nodal = [f64; NODES];
 
 pub(super) struct Collocation {
-    /// In `[0, 1]`, rising, the ends exact.
+    /// Nodes in `[0, 1]`, rising, the ends exact.
     pub nodes: Nodal,
-    /// Coefficients from values.
+    /// Map from values to coefficients.
     to_series: [Nodal; NODES],
-    /// `∫₀^θ` at the nodes from values.
+    /// Map from values to `∫₀^θ` at the nodes.
     integral: [Nodal; NODES],
     dim: usize,
     /// States and rates at the nodes, `[NODES · dim]`.
@@ -38,7 +38,7 @@ impl Collocation {
         let chebyshev = |k: i32, j: usize| libm::cos(PI * f64::from(k) * (DEGREE - j) as f64 / n);
         let end = |j: usize| if j == 0 || j == DEGREE { 0.5 } else { 1.0 };
         let to_series: [Nodal; NODES] = from_fn(|k| from_fn(|j| 2.0 / n * end(k) * end(j) * chebyshev(k as i32, j)));
-        // 4 ∫T_k dθ = T_{k+1}/(k+1) − T_{k−1}/(k−1), less what is constant; T_{−1} = T_1.
+        // 4 ∫T_k dθ = T_{k+1}/(k+1) − T_{k−1}/(k−1), without the constant; T_{−1} = T_1.
         let part = |k: i32, j: usize| if k == 0 { 0.0 } else { 0.25 * chebyshev(k, j) / f64::from(k) };
         let primitive = |k: i32, j: usize| part(k + 1, j) - part(k - 1, j);
         let definite = |k: usize, j: usize| primitive(k as i32, j) - primitive(k as i32, 0);
@@ -52,19 +52,19 @@ impl Collocation {
         }
     }
 
-    /// The state at node `j`, and its rate.
+    /// Returns the state at node `j`, and its rate.
     pub fn at(&self, j: usize) -> (&[f64], &[f64]) {
         let range = j * self.dim..(j + 1) * self.dim;
         (&self.states[range.clone()], &self.rates[range])
     }
 
-    /// Chebyshev coefficients of what has `values` at the nodes.
+    /// Returns the Chebyshev coefficients of the function with `values` at the nodes.
     pub fn series(&self, values: &Nodal) -> Nodal {
         from_fn(|k| self.to_series[k].iter().zip(values).map(|(c, v)| c * v).sum())
     }
 
-    /// One step of length `h` from `x`, `t` s after the start of the arc. Returns its error over the tolerance, infinite if the
-    /// rounds do not end. `sizes` of the guards' terms grow with it.
+    /// Makes one step of length `h` from `x`, `t` s after the start of the arc. Returns its error over the tolerance, infinite if the
+    /// rounds do not converge. Updates `sizes` of the terms of the guards.
     pub fn step(&mut self, arc: &Arc<'_>, (t, h): (f64, f64), x: &[f64], sizes: &mut [f64]) -> f64 {
         let (dim, field) = (self.dim, arc.field());
         let mut weights = Vec::new();
@@ -102,12 +102,12 @@ impl Collocation {
     }
 }
 
-/// What a series leaves out, by its last coefficients.
+/// Returns the truncation of a series, estimated from its last coefficients.
 pub(super) fn tail(series: &Nodal) -> f64 {
     series[DEGREE].abs() + series[DEGREE - 1].abs()
 }
 
-/// A Chebyshev series at `θ`, by Clenshaw's recurrence.
+/// Evaluates a Chebyshev series at `θ`, by Clenshaw's recurrence.
 pub(super) fn value(series: &Nodal, theta: f64) -> f64 {
     let s = 2.0 * theta - 1.0;
     let (b1, b2) = series[1..].iter().rev().fold((0.0, 0.0), |(b1, b2), c| (2.0 * s * b1 - b2 + c, b1));

@@ -1,7 +1,7 @@
-//! A run checked arc by arc, by two other ways to the next event; see `docs/EVENTS.md`.
+//! Check of a run arc by arc, by two independent methods for the next event; see `docs/EVENTS.md`.
 //!
-//! [`Verifier`] watches a run. From the state after each instant the next event is found again: by series with other steps
-//! and another order, and by values alone. It breaks the run off at the first [`Difference`].
+//! [`Verifier`] observes a run. From the state after each instant it finds the next event again: by series with other steps and another
+//! order, and by values alone. It stops the run at the first [`Difference`].
 
 mod arc;
 mod collocation;
@@ -20,22 +20,22 @@ use crate::{
     integrate::{Choice, PerMode},
 };
 
-/// Accuracy of the check by values, and the time within which events are one to it, in periods.
+/// Accuracy of the check by values, and the time within which it counts events as one, in periods.
 pub const TOLERANCE: f64 = 1e-9;
 
-/// The first event in which a check does not agree with the run.
+/// First event at which a check disagrees with the run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("at t = {t} s the run has {expected}, the check by {check} {found}{}", self.apart())]
 pub struct Difference {
-    /// Time of the run's event, or of the one it does not have, s.
+    /// Time of the event of the run, or of the missing one, s.
     pub t: f64,
-    /// Contacts and kinds of the run's events.
+    /// Contacts and kinds of the events of the run.
     pub expected: String,
     /// Contacts and kinds that the check found.
     pub found: String,
-    /// By how much the run's event is later, s, if both have one.
+    /// Delay of the event of the run, s, if both have one.
     pub amount: Option<f64>,
-    /// Which check: `series` or `values`.
+    /// Name of the check: `series` or `values`.
     pub check: &'static str,
 }
 
@@ -52,22 +52,22 @@ impl Difference {
 /// Work of one check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Tally {
-    /// Arcs whose end agrees.
+    /// Number of arcs with the same end.
     pub compared: u64,
-    /// Arcs that the check cannot judge: touches, dips and flights below its error, tails of accumulations, stiff arcs.
+    /// Number of arcs that the check cannot judge: touches, dips and flights below its error, tails of accumulations, stiff arcs.
     pub not_judged: u64,
-    /// Steps taken.
+    /// Number of steps.
     pub steps: u64,
 }
 
-/// What was verified.
+/// Result of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Verification {
     /// The check by series with other steps and another order.
     pub series: Tally,
     /// The check by values.
     pub values: Tally,
-    /// The first difference, in words.
+    /// First difference, in words.
     pub difference: Option<String>,
 }
 
@@ -78,25 +78,25 @@ fn fired(record: &EventRecord) -> impl Iterator<Item = Seen> {
     record.fired.iter().map(|id| (record.from.clone(), id))
 }
 
-/// How an arc compares.
+/// Result of the comparison of an arc.
 enum Verdict {
     Same,
     NotJudged,
-    /// What was found, and by how much the run is later, s.
+    /// Events found, and the delay of the run, s.
     Differs(Vec<Seen>, Option<f64>),
 }
 
-/// Where one check stands. It lags behind the run until no more events can belong to the instant it is to compare.
+/// Position of one check. It lags behind the run until no more events can belong to the instant that it is to compare.
 struct Lane {
-    /// Where the arc starts.
+    /// State at the start of the arc.
     last: State,
-    /// Events at its end; without any, nothing happens on it.
+    /// Events at the end of the arc; if empty, the arc has no event.
     pending: Vec<EventRecord>,
-    /// Touches on it.
+    /// Touches on the arc.
     touches: Vec<EventRecord>,
 }
 
-/// Watches a run and checks it. The run has to start where the verifier does.
+/// Observes a run and checks it. The run must start at the state of the verifier.
 pub struct Verifier<'s, S> {
     system: &'s S,
     period: Option<f64>,
@@ -109,11 +109,11 @@ pub struct Verifier<'s, S> {
 
 const SERIES: usize = 0;
 const CHECKS: [&str; 2] = ["series", "values"];
-/// Steps that an arc takes, where they are not known.
+/// Assumed number of steps of an arc, where it is unknown.
 const STEPS: u64 = 16;
 
 impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
-    /// A verifier of a run from `state`. `period` is the unit of its tolerance, s; without one it is the length of each arc.
+    /// Returns a verifier of a run from `state`. `period` is the unit of its tolerance, s; without one it is the length of each arc.
     /// `choice` is the integrator of the run: arcs of another method than the Taylor series are not compared with series.
     #[must_use]
     pub fn new(system: &'s S, state: &State, period: Option<f64>, choice: Choice) -> Self {
@@ -129,7 +129,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
         }
     }
 
-    /// Checks what is left: the last events, and that nothing happens from there to `end`, where the run ended.
+    /// Checks the rest: the last events, and the absence of events from there to `end`, the end of the run.
     ///
     /// # Errors
     /// The first [`Difference`] of the run.
@@ -143,20 +143,20 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
         self.difference().map_or(Ok(()), Err)
     }
 
-    /// The first difference so far.
+    /// Returns the first difference so far.
     #[must_use]
     pub fn difference(&self) -> Option<Difference> {
         self.difference.clone()
     }
 
-    /// What was done.
+    /// Returns the result so far.
     #[must_use]
     pub fn verification(&self) -> Verification {
         let [series, values] = self.tallies;
         Verification { series, values, difference: self.difference.as_ref().map(ToString::to_string) }
     }
 
-    /// Compares the events that are waiting, and goes on from the last of them.
+    /// Compares the pending events, and continues from the last of them.
     fn settle(&mut self, check: usize) {
         let Some(first) = self.lanes[check].pending.first() else { return };
         self.judge(check, first.at);
@@ -191,14 +191,14 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
             Verdict::Differs(found, amount) => {
                 let (expected, found) = (words(system, arc.lane.pending.iter().flat_map(fired)), words(system, found));
                 let t = system.clock().time(end).value();
-                // An event the run does not have is told by its own time.
+                // An event that the run lacks is reported at its own time.
                 let t = if arc.lane.pending.is_empty() { t - amount.unwrap_or(0.0) } else { t };
                 self.difference = Some(Difference { t, expected, found, amount, check: CHECKS[check] });
             }
         }
     }
 
-    /// Takes in a record: what belongs to the instant that waits, or settles it.
+    /// Receives a record: it belongs to the pending instant, or settles that instant.
     fn take(&mut self, check: usize, record: &EventRecord) {
         if record.graze {
             return self.lanes[check].touches.push(record.clone());
@@ -217,7 +217,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
         }
         let lane = &mut self.lanes[check];
         if given {
-            // The state at the end of an accumulation is that after its last impact.
+            // The state at the end of an accumulation is the state after its last impact.
             lane.last.x.clone_from(&record.x_plus);
             lane.last.jump = record.jump.clone();
             self.tallies[check].not_judged += u64::from(!record.start);
@@ -238,13 +238,13 @@ impl<S: HybridSystem + ContactView> Observer for Verifier<'_, S> {
     }
 }
 
-/// Contacts and what happens to them.
+/// Describes contacts and their events in words.
 fn words<S: ContactView>(system: &S, seen: impl IntoIterator<Item = Seen>) -> String {
     let word = |(mode, id): Seen| {
         let (j, watch) = system.watch(id);
         let kind = match (system.contact_mode(j, &mode), watch) {
             (before, Watch::Force) if system.is_rigid(j) && before.is_closed() => "release",
-            // A flank is not watched at rest: what follows at the same instant.
+            // A flank is not watched at rest: this is a later jump at the same instant.
             _ if system.is_rigid(j) => "impact",
             (ContactMode::Separated, Watch::DriveFlank) | (ContactMode::DriveDetached, Watch::Force) => "drive_contact",
             (ContactMode::Separated, _) | (ContactMode::BackDetached, Watch::Force) => "back_contact",

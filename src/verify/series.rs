@@ -1,4 +1,4 @@
-//! The check by series: the next event once more, with other steps and another order.
+//! Check by series: the next event again, with other steps and another order.
 
 use std::ops::ControlFlow;
 
@@ -10,10 +10,10 @@ use crate::{
     integrate::{DenseStep, Taylor},
 };
 
-/// Steps an arc may take.
+/// Maximum number of steps of an arc.
 const STEPS: u64 = 1_000_000;
 
-/// Takes down what a replay finds.
+/// Observer that records the events of a replay.
 struct Found {
     records: Vec<EventRecord>,
     touches: Vec<EventRecord>,
@@ -37,14 +37,14 @@ impl Observer for Found {
     }
 }
 
-/// Compares an arc with what the run says of its end. Gives the steps too.
+/// Compares an arc with the end that the run reports. Returns the number of steps too.
 pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     let (clock, pending) = (arc.system.clock(), &arc.lane.pending);
     let end = clock.advance(arc.lane.last.at, arc.length);
     let last = pending.last().map_or(end, |record| record.at);
     let until = if pending.is_empty() { last } else { clock.advance(last, arc.tolerance()) };
     let mut engine = Engine::new(arc.system, Box::new(Taylor::varied()), Options::default(), arc.lane.last.clone());
-    // What is one instant to the run may be as many to the replay as guards fire.
+    // One instant of the run may be several in the replay, at most one for each fired guard.
     let most = pending.len().max(arc.fired().len());
     let mut found = Found { records: Vec::new(), touches: Vec::new(), steps: 0, most };
     let failed = engine.run(until, &mut found).is_err();
@@ -57,7 +57,7 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     let (ours, theirs) = (pending.first().map(|r| r.at), first.map(|r| r.at));
     let apart = theirs.map(|at| clock.between(at, ours.unwrap_or(last)));
     let in_time = apart.is_some_and(|apart| apart.abs() <= margin);
-    // Where one instant ends and the next begins, within the margin, is not for the replay to say.
+    // The replay cannot decide the boundaries of instants within the margin.
     let (set, to) = (arc.fired(), pending.last().map(|record| &record.to));
     let (mut met, mut same, mut guards) = (GuardSet::default(), false, false);
     for record in found.records.iter().take_while(|record| clock.between(last, record.at) <= margin) {
@@ -68,7 +68,7 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     if pending.is_empty() && apart.is_none_or(|apart| apart <= margin) || same && in_time {
         return (Verdict::Same, found.steps);
     }
-    // What is one instant, and what are two of them, is not told apart within the margin.
+    // Within the margin, one instant cannot be distinguished from two.
     let odd = &(&set - &met) | &(&met - &set);
     if in_time && !odd.is_empty() && pending.last().is_some_and(|record| arc.is_close(&odd, record, 2.0 * margin)) {
         return (Verdict::NotJudged, found.steps);

@@ -1,4 +1,4 @@
-//! The check by values: the motion by [`Collocation`], the guards by their values at points.
+//! Check by values: the motion by [`Collocation`], the guards by their values at points.
 
 use std::array::from_fn;
 
@@ -8,26 +8,26 @@ use super::{
     collocation::{Collocation, DEGREE, Nodal, RTOL, tail, value},
 };
 
-/// Steps an arc may take: a stiff one would take more.
+/// Maximum number of steps of an arc: a stiff arc would take more.
 const STEPS: f64 = 4096.0;
-/// Steps after which the rest of the arc is judged by the length of the last one.
+/// Number of steps after which the rest of the arc is judged by the length of the last step.
 const START: u64 = 64;
-/// Points of a step at which a guard is looked at that its series does not show to be positive.
+/// Number of points of a step at which a guard is tested, if its series does not prove it positive.
 const POINTS: usize = 64;
-/// Halvings of an interval: down to rounding.
+/// Number of halvings of an interval: down to rounding.
 const HALVINGS: usize = 60;
-/// The first step as a part of the unit of time.
+/// Length of the first step relative to the unit of time.
 const FIRST: f64 = 1.0 / 64.0;
 
-/// Compares an arc with what the run says of its end. Gives the steps too.
+/// Compares an arc with the end that the run reports. Returns the number of steps too.
 pub(super) fn check(arc: &Arc<'_>, collocation: &mut Collocation) -> (Verdict, u64) {
     let mut walk = Walk::new(arc, collocation, f64::INFINITY);
     let (verdict, most, steps) = (walk.verdict(), 0.5 * walk.longest, walk.steps);
     let Verdict::Differs(..) = verdict else { return (verdict, steps) };
-    // A difference has to stand with steps of half the length: the method may have erred itself.
+    // A difference must persist with steps of half the length: the first steps may be inaccurate.
     let mut walk = Walk::new(arc, collocation, most);
     let again = walk.verdict();
-    // A dip that the run calls a touch.
+    // Tests whether the run recorded this dip as a touch.
     let is_touch = |found: &[Seen], late: f64| {
         let at = arc.system.clock().advance(arc.lane.last.at, arc.length - late);
         arc.is_touched(&arc.lane.touches, &found.iter().map(|(_, guard)| *guard).collect(), at)
@@ -40,18 +40,18 @@ pub(super) fn check(arc: &Arc<'_>, collocation: &mut Collocation) -> (Verdict, u
     }
 }
 
-/// A walk along an arc.
+/// State of the check along an arc.
 struct Walk<'a> {
     arc: &'a Arc<'a>,
     collocation: &'a mut Collocation,
     t: f64,
     x: Vec<f64>,
-    /// Largest terms of each guard so far.
+    /// Largest size of the terms of each guard so far.
     sizes: Vec<f64>,
     steps: u64,
-    /// No step may be longer, s.
+    /// Maximum length of a step, s.
     most: f64,
-    /// The longest step so far, s.
+    /// Longest step so far, s.
     longest: f64,
 }
 
@@ -61,7 +61,7 @@ impl<'a> Walk<'a> {
         Self { arc, collocation, t: 0.0, x: arc.lane.last.x.clone(), sizes, steps: 0, most, longest: 0.0 }
     }
 
-    /// Error of a guard with terms of this size.
+    /// Returns the error of a guard with terms of this size.
     fn error(&self, size: f64) -> f64 {
         RTOL * (self.steps + 3) as f64 * size
     }
@@ -92,9 +92,9 @@ impl<'a> Walk<'a> {
                 missing = missing.or(Some((arc.lane.last.jump.mode.clone(), *guard)));
             }
         }
-        // What follows at the same instant, or after a switch, is no crossing of this arc.
+        // Later jumps at the same instant, or after a switch, are no crossings of this arc.
         let all = arc.lane.pending.len() == 1 && first.jumps == 1;
-        // A dip shorter than the run's own uncertainty has come and gone between the two places.
+        // A dip shorter than the uncertainty of the run lies between the two places.
         unclear |= arc.lane.pending.len() > 1 && tolerance > 2.0 * TOLERANCE * arc.unit;
         Ok(match missing {
             Some(guard) if !first.switched && (all || !same && !unclear) => {
@@ -108,7 +108,7 @@ impl<'a> Walk<'a> {
         })
     }
 
-    /// Goes on to `end`; with `watch`, until a guard is below zero by more than its error.
+    /// Advances to `end`; with `watch`, until a guard is below zero by more than its error.
     fn go(&mut self, end: f64, watch: bool) -> Result<(), Verdict> {
         let arc = self.arc;
         let mut next = FIRST * arc.unit;
@@ -134,7 +134,7 @@ impl<'a> Walk<'a> {
                 falls.extend(fall(&series, known).filter(|_| watch).map(|theta| (theta, g)));
             }
             if error.is_nan() || error > 1.0 {
-                // Also where it is not a number.
+                // This covers NaN as well.
                 next = h * libm::pow(error.min(f64::MAX), -1.0 / 3.0).clamp(0.1, 0.5);
                 continue;
             }
@@ -151,7 +151,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Where a guard with this series first falls through zero, if it then falls below `−error`.
+/// Returns the place at which a guard with this series first falls through zero, if it then falls below `−error`.
 fn fall(series: &Nodal, error: f64) -> Option<f64> {
     if series[0] - series[1..].iter().fold(0.0, |sum, c| sum + c.abs()) > -error {
         return None;

@@ -1,4 +1,4 @@
-//! Motions over many cycles: the engine's, and that of a fixed step beside it.
+//! Motions over many cycles: that of the engine, and that of a fixed-step method compared with it.
 
 use std::{f64::consts::TAU, ops::ControlFlow};
 
@@ -16,7 +16,7 @@ use crate::{
     task::Task,
 };
 
-/// How motions are judged.
+/// Rule by which motions are compared.
 ///
 /// A motion has settled on an orbit by the rule of [`Sections`], with its distances measured from
 /// section to section; runs end there. In the long run a method has the engine's motion if
@@ -52,11 +52,11 @@ impl Default for Rule {
 
 /// Longest period looked for, cycles.
 const LONGEST: usize = 8;
-/// Parts of the second half.
+/// Parts into which the second half of the cycles is divided for statistics.
 const PARTS: u64 = 10;
 /// Standard errors by which statistics may differ.
 const ERRORS: f64 = 5.0;
-/// Energy beyond the engine's largest that the method must have made.
+/// Ratio to the engine's largest energy above which the mean energy of a method counts as grown.
 const MADE: f64 = 1.05;
 
 /// The engine's motion in the long run.
@@ -68,7 +68,7 @@ pub struct Own {
     pub cycles: u64,
     /// Steps a cycle of the engine.
     pub steps_per_cycle: f64,
-    /// Of each contact, in each part of the second half: time apart, or impacts of a rigid one, over the time.
+    /// For each contact, in each part of the second half: share of time apart; for a rigid contact, impacts per cycle.
     #[serde(skip)]
     parts: Vec<[f64; PARTS as usize]>,
     #[serde(skip)]
@@ -89,7 +89,7 @@ impl std::fmt::Display for Own {
     }
 }
 
-/// Sections of a motion and whether it has settled.
+/// Sections of a motion, and its period once it has settled.
 struct Section {
     sections: Sections,
     period: Option<u32>,
@@ -108,7 +108,7 @@ impl Section {
 }
 
 impl Own {
-    /// Runs the engine on `problem` over the cycles of the rule, or until it has settled. `None` once cancelled.
+    /// Runs the engine on `problem` over the cycles of the rule, or until the motion has settled. `None` once cancelled.
     pub(super) fn find(
         problem: &Problem<'_>,
         truth: &Truth,
@@ -219,7 +219,7 @@ impl Own {
         Some(judged)
     }
 
-    /// Distance of the sections of another motion from this one's orbit, if it has one.
+    /// Returns the distance of the sections of another motion from the orbit of this one, if it has one.
     fn distance(&self, other: &Section) -> Option<f64> {
         let own = self.sections.as_ref()?;
         let orbit: Vec<&[f64]> = own.last(self.period? as usize).collect();
@@ -231,7 +231,7 @@ impl Own {
         (0..orbit.len()).map(farthest).reduce(f64::min)
     }
 
-    /// Whether statistics of an irregular motion are this one's.
+    /// Returns whether the statistics of another irregular motion agree with those of this one.
     fn agrees(&self, other: &[[f64; PARTS as usize]], rule: &Rule) -> bool {
         let mean = |parts: &[f64; PARTS as usize]| parts.iter().sum::<f64>() / PARTS as f64;
         // Squared error of the mean of the parts.
@@ -246,7 +246,7 @@ impl Own {
     }
 }
 
-/// Of each contact, in each part of the second half of `cycles`: time apart over the time; impacts a cycle of a rigid one.
+/// Returns, for each contact and each part of the second half of `cycles`, the share of time apart; for a rigid one, impacts per cycle.
 fn parts(model: &Penalty, found: &[Crossing], closed: &[bool], period: f64, cycles: u64) -> Vec<[f64; PARTS as usize]> {
     let end = |part: u64| period * 0.5 * cycles as f64 * (1.0 + part as f64 / PARTS as f64);
     let rigid = model.rigid();
@@ -262,7 +262,7 @@ fn parts(model: &Penalty, found: &[Crossing], closed: &[bool], period: f64, cycl
     (0..model.contacts()).map(|j| std::array::from_fn(|part| of(j, part as u64))).collect()
 }
 
-/// Watches a fixed-step run from section to section, and whether it leaves every bound.
+/// Observer of a fixed-step run: records its sections, and stops a motion that leaves the bounds.
 struct Watcher<'a> {
     model: &'a Penalty,
     rule: &'a Rule,

@@ -11,24 +11,24 @@ use crate::{
     train::{Quantity, TrainError},
 };
 
-/// What is asked for.
+/// Input of a map: quantity, factors, steps, methods and rule.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// What of every contact is multiplied.
+    /// Quantity that is multiplied by the factors.
     pub over: Quantity,
-    /// By what, rising, > 0.
+    /// Factors, rising, > 0.
     pub factors: Vec<f64>,
-    /// Steps a cycle, rising, ≥ 1.
+    /// Steps per cycle, rising, ≥ 1.
     pub steps: Vec<u64>,
     /// Fixed-step contenders.
     pub methods: Vec<Contender>,
-    /// Steps that people use, with their names: judged where the factor is 1.
+    /// Steps in common use, with their names; run where the factor is 1.
     pub references: Vec<Reference>,
-    /// How motions are judged.
+    /// Rule by which motions are compared.
     pub rule: Rule,
 }
 
-/// A step that people use.
+/// A step in common use.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reference {
     /// Its name, such as `1e-6 s`.
@@ -37,13 +37,13 @@ pub struct Reference {
     pub steps_per_cycle: u64,
 }
 
-/// How a run of a fixed-step method compares with the engine's, worst last. The first that holds, from the worst on, is the
-/// cell's:
+/// Outcome of the comparison of a fixed-step run with the engine's motion, worst last. The outcome of a cell is the worst one whose
+/// rule holds:
 ///
 /// | outcome | rule |
 /// |---|---|
-/// | blow-up | a number that is not finite, or a coordinate or velocity beyond [`BLOWN`](Self::BLOWN) times the largest of the engine's motion |
-/// | energy growth | the motion does not settle, and the mean of its energy at the sections of the second half exceeds the largest of the engine's by 5 % |
+/// | blow-up | a number is not finite, or a coordinate or velocity exceeds [`BLOWN`](Self::BLOWN) times the engine's largest |
+/// | energy growth | the motion does not settle, and its mean energy over the second half exceeds the engine's largest by 5 % |
 /// | missed | fewer passages of flanks than the truth has in its window |
 /// | spurious | more passages |
 /// | displaced | as many, but some of them not within 2 % of a cycle of those of the truth, or in another order |
@@ -58,23 +58,23 @@ pub enum Outcome {
     Right,
     /// Right sequence, other period or other attractor.
     Attractor,
-    /// As many events, out of place.
+    /// Right number of events, some of them out of place.
     Displaced,
-    /// Events that are none.
+    /// More events than the reference has.
     Spurious,
-    /// Events not seen.
+    /// Fewer events than the reference has.
     Missed,
-    /// The method makes energy.
+    /// The energy grows.
     Growth,
     /// The motion leaves every bound.
     BlowUp,
 }
 
 impl Outcome {
-    /// A motion this many times as large as the engine's has blown up.
+    /// Multiple of the engine's largest coordinate or velocity beyond which a motion has blown up.
     pub const BLOWN: f64 = 1e3;
 
-    /// In words.
+    /// Returns the outcome in words.
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
@@ -88,7 +88,7 @@ impl Outcome {
         }
     }
 
-    /// Whether the events of the window are all there, in their places, and no others.
+    /// Returns whether the events of the window are all found, in their places, and no others.
     #[must_use]
     pub fn has_right_sequence(self) -> bool {
         matches!(self, Self::Right | Self::Attractor)
@@ -100,11 +100,11 @@ impl Outcome {
 pub struct Cell {
     /// Steps a cycle.
     pub steps_per_cycle: u64,
-    /// How it compares.
+    /// Outcome of the comparison with the engine's motion.
     pub outcome: Outcome,
-    /// Events of the truth's window without a partner.
+    /// Events of the reference in the window without a partner.
     pub missed: usize,
-    /// Events in the window that the truth does not have.
+    /// Events in the window that the reference does not have.
     pub spurious: usize,
     /// Period of the orbit it settled on, cycles.
     pub period: Option<u32>,
@@ -119,29 +119,29 @@ pub struct Cell {
 pub struct Row {
     /// The factor.
     pub factor: f64,
-    /// Why nothing can be judged here, if so.
+    /// Error for which the row has no cells, in words, if any.
     pub error: Option<String>,
-    /// Where sequences are compared.
+    /// Window in which sequences are compared.
     pub window: Option<Window>,
-    /// Events in it.
+    /// Number of events in the window.
     pub events: usize,
-    /// Error of the truth's event times, periods.
+    /// Error of the event times of the reference, periods.
     pub truth_error: f64,
     /// The engine's motion in the long run.
     pub own: Option<Own>,
     /// Highest natural frequency ω of the train with every contact closed at its largest stiffness, rad/s; of a power law
     /// that under the largest force in the window.
     pub omega_max: Option<f64>,
-    /// Of each method: fewest steps a cycle with `h ω_max` within its limit; none if it has none.
+    /// For each method, fewest steps per cycle with `h ω_max` within its limit; none if it has no limit.
     pub limit_steps_per_cycle: Vec<Option<f64>>,
-    /// Of each method, from few steps to many.
+    /// Cells of each method, from few steps to many.
     pub cells: Vec<Vec<Cell>>,
-    /// Of each method, the steps that people use; where the factor is 1.
+    /// Cells of each method with steps in common use; empty where the factor is not 1.
     pub references: Vec<Vec<Cell>>,
 }
 
 impl Row {
-    /// How the engine's own run compares with itself, cut into other steps.
+    /// Returns the outcome of the engine's run against the same run, cut into other steps.
     #[must_use]
     pub fn own_outcome(&self) -> Outcome {
         // A sequence that differs has an infinite error.
@@ -152,7 +152,7 @@ impl Row {
 /// The map of every method over one quantity.
 #[derive(Clone, Debug, Serialize)]
 pub struct Map {
-    /// What is multiplied.
+    /// Quantity that is multiplied.
     pub over: Quantity,
     /// Words of the methods.
     pub methods: Vec<String>,
@@ -162,11 +162,11 @@ pub struct Map {
     pub period_s: f64,
     /// Steps a cycle.
     pub steps_per_cycle: Vec<u64>,
-    /// Steps that people use.
+    /// Steps in common use.
     pub references: Vec<Reference>,
-    /// How motions were judged.
+    /// Rule by which motions were compared.
     pub rule: Rule,
-    /// One for each factor.
+    /// Rows, one for each factor.
     pub rows: Vec<Row>,
 }
 
@@ -181,7 +181,7 @@ impl Map {
         })
     }
 
-    /// Makes the map; `task` hears of every cell. `None` once it is cancelled.
+    /// Computes the map; `task` is advanced after every cell. `None` once it is cancelled.
     ///
     /// A factor for which the engine has no answer (no equilibrium to start from, a motion that amplifies errors within its
     /// first cycle) gets a row without cells that says why.
@@ -213,8 +213,8 @@ impl Map {
         }))
     }
 
-    /// Fewest steps a cycle on the map from which on `method` is always at least as good as `holds` asks; none if not even the
-    /// most steps are.
+    /// Returns the fewest steps per cycle on the map from which on the outcomes of `method` all satisfy `holds`; none if that of the
+    /// most steps does not.
     #[must_use]
     pub fn fewest(&self, method: usize, row: &Row, holds: impl Fn(Outcome) -> bool) -> Option<u64> {
         let cells = row.cells.get(method)?;

@@ -1,4 +1,4 @@
-//! Where a fixed-step method gives the right motion: the plane of its step and a factor on what all contacts have.
+//! Map of the steps at which a fixed-step method gives the right motion, over the step and a factor on a quantity of all contacts.
 //!
 //! Every cell of a [`Map`] is one run of one method, judged against the engine's motion of the same changed train by the
 //! rules at [`Outcome`]. The engine's own row lies on the same plane, and beside it the step at which the linear train with

@@ -1,4 +1,4 @@
-//! What a map says: tables, text, files.
+//! Tables, text and files of a map.
 
 #[cfg(feature = "plot")]
 use serde_json::json;
@@ -19,7 +19,7 @@ const TABLE: &str = "stability.csv";
 const MAP: &str = "stability.json";
 
 impl Map {
-    /// One line for each method: what it needs where the factor is 1, and over all factors. `unit` is that of time.
+    /// Returns a table of the steps that each method needs, where the factor is 1 and over all factors. `unit` is the unit of time.
     #[must_use]
     pub fn summary_table(&self, unit: &str) -> Table {
         let step = if unit.is_empty() { "its step".to_owned() } else { format!("its step, {unit}") };
@@ -93,7 +93,7 @@ impl Map {
         Table::new(head).with(rows)
     }
 
-    /// Says how tables are to be read.
+    /// Returns an explanation of the tables.
     #[must_use]
     pub fn rules(&self, unit: &str) -> String {
         let length = format!("{} {unit}", five_digits(self.period_s));
@@ -112,7 +112,7 @@ impl Map {
         Report::files([format!("stability-{}", over.word()).as_str()], &[TABLE, MAP])
     }
 
-    /// Writes table, figure, report and the map itself. `simulation` is what it was made of.
+    /// Writes table, figure, report and the map itself. `simulation` is the one that the map was made for.
     ///
     /// # Errors
     /// [`OutputError`] if a file cannot be written.
@@ -156,7 +156,7 @@ impl Map {
         }
     }
 
-    /// One row a cell; those of the engine have the method `flank`.
+    /// Returns the table of cells, one row each; rows of the engine have the method `flank`.
     #[cfg(feature = "plot")]
     fn csv(&self) -> String {
         let head = "factor,method,steps_per_cycle,step,outcome,missed,spurious,period_cycles,distance,cycles";

@@ -1,4 +1,4 @@
-//! Hysteresis damping: from a wanted restitution to the coefficient D, and what each choice really returns.
+//! Hysteresis damping: from a desired restitution to the coefficient D, and the restitution that each formula returns.
 //!
 //! For a free impact under `F = K pⁿ (1 + D ṗ/v₀)` the energy integral gives, for any K, n and mass,
 //!
@@ -6,7 +6,7 @@
 //! D (1 + e) = ln( (1 + D) / (1 − e D) ),      0 < e ≤ 1,   0 ≤ D < 1/e.
 //! ```
 
-/// Which formula turns a wanted restitution into D.
+/// Formula that converts a desired restitution to D.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hysteresis {
     /// Elastic: D = 0.
@@ -23,11 +23,11 @@ pub enum Hysteresis {
     Flores,
     /// Hu & Guo (2015): `3(1 − e)/(2e)`.
     HuGuo,
-    /// The relation above, solved for D: asked = obtained.
+    /// The relation above, solved for D: the restitution is exactly the desired one.
     Exact,
 }
 
-/// The coefficient D for a wanted restitution `e`, `(0, 1]`.
+/// Returns the coefficient D for a desired restitution `e`, `(0, 1]`.
 #[must_use]
 pub fn coefficient(model: Hysteresis, e: f64) -> f64 {
     match model {
@@ -65,7 +65,7 @@ pub fn exact_coefficient(e: f64) -> f64 {
     0.5 * (lo + hi)
 }
 
-/// The restitution a free impact obtains with coefficient `d ≥ 0`.
+/// Returns the restitution of a free impact with coefficient `d ≥ 0`.
 #[must_use]
 pub fn restitution(d: f64) -> f64 {
     if d <= 0.0 {

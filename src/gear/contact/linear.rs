@@ -5,12 +5,12 @@ pub struct Linear {
     pub damping: f64,
 }
 
-/// When a Kelvin–Voigt contact is lost.
+/// Condition for the loss of a Kelvin–Voigt contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Release {
     /// At `p = 0`, whatever the sign of the force: the damper may pull just before.
     Deflection,
-    /// At `F = 0`: the contact never pulls. It is then *detached*, still inside the flank's zone, until
-    /// `p` leaves through zero or the force rises through zero again.
+    /// At `F = 0`: the contact never pulls. It is then *detached*, still inside the zone of the flank, until `p` falls through zero or the
+    /// force rises through zero again.
     Force,
 }

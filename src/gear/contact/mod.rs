@@ -1,7 +1,6 @@
 //! Contact laws, one per file.
 //!
-//! `p` is the penetration, m, positive in contact; `ṗ` its rate, m/s; `F ≥ 0` pushes the flanks apart
-//! (a bilateral law may pull, and says so).
+//! `p` is the penetration, m, positive in contact; `ṗ` its rate, m/s; `F ≥ 0` pushes the flanks apart (only a bilateral law may pull).
 
 mod hysteresis;
 mod linear;
@@ -16,7 +15,7 @@ pub use rigid::{MOST_POINTS, Restitution, Rigid};
 /// The law of one contact element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
-    /// Linear spring and damper that never lets go: no guard, no backlash.
+    /// Linear spring and damper that never separates: no guard, no backlash.
     Bilateral(Linear),
     /// Linear spring and damper (Kelvin–Voigt) beyond the backlash.
     KelvinVoigt(Linear, Release),
@@ -27,25 +26,25 @@ pub enum Law {
 }
 
 impl Law {
-    /// No penetration.
+    /// Returns whether the law permits no penetration.
     #[must_use]
     pub fn is_rigid(&self) -> bool {
         matches!(self, Self::Rigid(_))
     }
 
-    /// It never lets go.
+    /// Returns whether the contact never separates.
     #[must_use]
     pub fn is_bilateral(&self) -> bool {
         matches!(self, Self::Bilateral(_))
     }
 
-    /// A linear spring and damper, while it carries force.
+    /// Returns whether the law is a linear spring and damper while it carries force.
     #[must_use]
     pub fn is_linear(&self) -> bool {
         matches!(self, Self::Bilateral(_) | Self::KelvinVoigt(..))
     }
 
-    /// The power law, if it is one.
+    /// Returns the power law, if it is one.
     #[must_use]
     pub fn power(&self) -> Option<PowerLaw> {
         if let Self::Power(law) = self { Some(*law) } else { None }

@@ -1,8 +1,7 @@
 /// A flank that cannot be penetrated.
 ///
-/// Newton's law: the gap opens after an impact with the restitution times the speed it closed with.
-/// Contacts that strike at one instant are solved together with their mass coupling (see
-/// `train::impact`), each with the restitution at its own approach speed.
+/// Newton's law: the gap opens after an impact with the restitution times its closing speed. Contacts that strike at one instant are solved
+/// together with their mass coupling (see `train::impact`), each with the restitution at its own approach speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rigid {
     /// Coefficient of restitution.
@@ -17,11 +16,11 @@ impl Rigid {
     }
 }
 
-/// Points of a table.
+/// Maximum number of points of a table.
 pub const MOST_POINTS: usize = 8;
 
-/// Coefficient of restitution e by approach speed v. Towards v = 0 it is constant; there it is below 1 unless it is constant everywhere, so that
-/// a sequence of impacts that shrinks is a geometric one in the end.
+/// Coefficient of restitution e as a function of the approach speed v. Towards v = 0 it is constant, and below 1 unless it is constant
+/// everywhere. A shrinking sequence of impacts is then geometric in the end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Restitution {
     /// The same at all speeds, `[0, 1]`.
@@ -39,7 +38,7 @@ pub enum Restitution {
     },
     /// Straight lines between points, constant beyond its ends.
     Table {
-        /// Speed, m/s, rising from 0 or more, and restitution, `(0, 1]`, below 1 at the first; of which the first `count` are read.
+        /// Speed, m/s, rising from 0 or more, and restitution, `(0, 1]`, below 1 at the first point; `count` points are used.
         points: [[f64; 2]; MOST_POINTS],
         /// Number of points, from 1.
         count: usize,
@@ -96,13 +95,13 @@ impl Restitution {
         }
     }
 
-    /// Tells that nothing comes back at any speed.
+    /// Returns whether no impact rebounds, at any speed.
     #[must_use]
     pub fn is_dead(&self) -> bool {
         *self == Self::Constant(0.0)
     }
 
-    /// The first number out of its range, with its name and the range.
+    /// Returns the first number out of its range, with its name and the range.
     #[must_use]
     pub fn fault(&self) -> Option<(&'static str, f64, &'static str)> {
         let is_positive = |x: f64| x > 0.0 && x.is_finite();

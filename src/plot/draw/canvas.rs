@@ -1,4 +1,4 @@
-//! A sheet measured in pixels, on top of plotters' SVG backend.
+//! Sheet measured in pixels, on top of plotters' SVG backend.
 
 use plotters::{
     coord::Shift,
@@ -14,7 +14,7 @@ use super::{
 
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// What was drawn into a string: that does not fail.
+/// Returns the result of drawing into a string, which does not fail.
 pub(super) fn sound<T>(drawn: Result<T, DrawingAreaErrorKind<std::io::Error>>) -> T {
     drawn.expect("drawing into a string does not fail")
 }
@@ -22,25 +22,25 @@ pub(super) fn sound<T>(drawn: Result<T, DrawingAreaErrorKind<std::io::Error>>) -
 /// A point, px from the upper left corner.
 pub(super) type Point = [f64; 2];
 
-/// Plotters counts in whole units. With ten of them to a pixel, curves are smooth.
+/// Drawing units per pixel: plotters counts in whole units, and ten of them make curves smooth.
 pub(super) const UNIT: f64 = 10.0;
 
 pub(super) fn units(px: f64) -> i32 {
     (px * UNIT).round() as i32
 }
 
-/// Which point of a text lies where it is put.
+/// Point of a text that lies at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Anchor {
     Left,
     Middle,
     Right,
-    /// Written upwards, its end here.
+    /// Text upwards, with its end here.
     UpEnd,
 }
 
 impl Anchor {
-    /// Left, top, right, bottom of a line of text put at a point, `along` px long and `across` px to either side.
+    /// Returns left, top, right and bottom of a line of text at a point, `along` px long and `across` px to either side.
     pub fn room(self, [x, y]: Point, along: f64, across: f64) -> [f64; 4] {
         match self {
             Self::Left => [x, y - across, x + along, y + across],
@@ -51,7 +51,7 @@ impl Anchor {
     }
 }
 
-/// How a line is drawn: colour, width (px), and the lengths of dashes and gaps.
+/// Line style: colour, width (px), and the lengths of dashes and gaps.
 #[derive(Clone, Copy)]
 pub(super) struct Pen {
     pub colour: Rgb,
@@ -73,7 +73,7 @@ pub(super) fn rgb((r, g, b): Rgb) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// Words of one size and colour.
+/// Returns the text style of one size and colour.
 pub(super) fn font(size: f64, colour: Rgb, bold: bool) -> TextStyle<'static> {
     let style = if bold { FontStyle::Bold } else { FontStyle::Normal };
     // The backend divides sizes by this.
@@ -81,7 +81,7 @@ pub(super) fn font(size: f64, colour: Rgb, bold: bool) -> TextStyle<'static> {
     TextStyle { color: rgb(colour).to_backend_color(), ..TextStyle::from(font) }
 }
 
-/// A sheet.
+/// Sheet of a drawing.
 pub(super) struct Canvas<'a> {
     pub area: Area<'a>,
     pub colours: &'static Colours,
@@ -100,7 +100,7 @@ impl Canvas<'_> {
         });
     }
 
-    /// A disc, or a ring if it is `open`.
+    /// Draws a disc, or a ring if it is `open`.
     pub fn dot(&self, [x, y]: Point, radius: f64, colour: Rgb, open: bool) {
         let style = if open { rgb(colour).stroke_width(units(1.4) as u32) } else { rgb(colour).filled() };
         sound(self.area.draw(&Circle::new((units(x), units(y)), units(radius), style)));
@@ -111,7 +111,7 @@ impl Canvas<'_> {
         sound(self.area.draw(&Rectangle::new(corners, rgb(colour).mix(opacity).filled())));
     }
 
-    /// A line of text; the point is at half its height.
+    /// Draws a line of text; the point is at half its height.
     pub fn text(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb, bold: bool) {
         let words = text::clean(words);
         if words.trim().is_empty() {
@@ -129,7 +129,7 @@ impl Canvas<'_> {
         sound(self.area.draw(&Text::new(words, (units(at[0]), units(at[1])), style)));
     }
 
-    /// A line of text on a patch of paper, so that it can be read on top of curves.
+    /// Draws a line of text on a patch of paper, which keeps it legible on top of curves.
     pub fn patched(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb) {
         if words.is_empty() {
             return;

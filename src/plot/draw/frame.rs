@@ -1,4 +1,4 @@
-//! The rectangle that curves are drawn in.
+//! Rectangle in which curves are drawn.
 
 use super::canvas::Point;
 
@@ -18,7 +18,7 @@ impl Frame {
         (self.x0 - 0.1..=self.x1 + 0.1).contains(&x) && (self.y0 - 0.1..=self.y1 + 0.1).contains(&y)
     }
 
-    /// The part of a segment inside (Liang and Barsky, 1984).
+    /// Returns the part of a segment inside (Liang and Barsky, 1984).
     pub fn clip(&self, [ax, ay]: Point, [bx, by]: Point) -> Option<[Point; 2]> {
         let (dx, dy) = (bx - ax, by - ay);
         let (mut from, mut to) = (0.0f64, 1.0f64);
@@ -34,7 +34,7 @@ impl Frame {
         (from <= to).then_some([[ax + from * dx, ay + from * dy], [ax + to * dx, ay + to * dy]])
     }
 
-    /// The pieces of a polyline inside.
+    /// Returns the pieces of a polyline inside.
     pub fn clipped(&self, line: &[Point]) -> Vec<Vec<Point>> {
         let mut pieces: Vec<Vec<Point>> = Vec::new();
         for ends in line.windows(2) {

@@ -1,4 +1,4 @@
-//! The entries of a legend: one for each name of series or bands.
+//! Entries of a legend: one for each name of series or bands.
 
 use crate::plot::{Panel, Style, Tile};
 
@@ -8,7 +8,7 @@ use super::{
     text,
 };
 
-/// How something of a name is drawn, with the number of its colour.
+/// Style of a name, with the index of its colour.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Look {
     Series(Style, usize),
@@ -16,7 +16,7 @@ pub(crate) enum Look {
     Tile(usize),
 }
 
-/// A name, and every look that it has.
+/// Name with all its styles.
 #[derive(Clone)]
 pub(crate) struct Entry<'a> {
     pub name: &'a str,
@@ -29,7 +29,7 @@ const GAP: f64 = 6.0;
 const SPACE: f64 = 30.0;
 
 impl Entry<'_> {
-    /// Whether it shows the same kind of thing as `look`.
+    /// Returns whether it has the same kind of style as `look`.
     fn is_like(&self, look: &Look) -> bool {
         std::mem::discriminant(&self.looks[0]) == std::mem::discriminant(look)
     }
@@ -39,8 +39,8 @@ impl Entry<'_> {
     }
 }
 
-/// The names of series, then those of bands, in the order in which they first appear; then those of tiles, in the order of
-/// their colours.
+/// Returns the names of series, then those of bands, in the order in which they first appear; then those of tiles, in the order of their
+/// colours.
 pub(crate) fn entries(panels: &[Panel]) -> Vec<Entry<'_>> {
     let series = panels.iter().flat_map(|panel| &panel.series);
     let series = series.map(|series| (series.name.as_str(), Look::Series(series.style, series.colour)));
@@ -59,7 +59,7 @@ pub(crate) fn entries(panels: &[Panel]) -> Vec<Entry<'_>> {
     found
 }
 
-/// The entries in rows at most `room` wide.
+/// Returns the entries in rows at most `room` wide, px.
 pub(super) fn rows(panels: &[Panel], size: f64, room: f64) -> Vec<Vec<Entry<'_>>> {
     let mut rows: Vec<Vec<Entry<'_>>> = Vec::new();
     let mut used = f64::INFINITY;
@@ -111,7 +111,7 @@ fn sample(canvas: &Canvas<'_>, look: Look, [x, y]: Point) {
     }
 }
 
-/// The pen of a style that joins its points.
+/// Returns the pen of a style that joins its points.
 pub(super) fn pen(style: Style, colour: Rgb) -> Option<Pen> {
     match style {
         Style::Line | Style::Joined => Some(Pen::solid(colour, 1.5)),

@@ -42,16 +42,16 @@ const LEGEND: f64 = 11.5;
 const LEADING: f64 = 1.45;
 
 impl Figure {
-    /// The figure as SVG for a screen: title, legend, panels. Equal figures give equal bytes.
+    /// Returns the figure as SVG for a screen: title, legend, panels. Equal figures give equal bytes.
     ///
-    /// Values without a place on their axis (not finite, above 1e300, not positive on a logarithmic axis) are left out,
-    /// and the panel says how many.
+    /// Values without a place on their axis (not finite, above 1e300, not positive on a logarithmic axis) are left out, and the panel gives
+    /// their number.
     #[must_use]
     pub fn svg(&self, theme: Theme) -> String {
         self.printed(&Print::default(), theme)
     }
 
-    /// The figure as SVG in a given form.
+    /// Returns the figure as SVG in a given form.
     #[must_use]
     pub fn printed(&self, print: &Print, theme: Theme) -> String {
         let chosen = self.chosen(print);
@@ -81,7 +81,7 @@ impl Figure {
         )
     }
 
-    /// The figure with the panels that are asked for, at least one of its own.
+    /// Returns the figure with the requested panels, at least one of them.
     fn chosen(&self, print: &Print) -> Self {
         let mut chosen = self.clone();
         if !print.has_titles {
@@ -94,8 +94,8 @@ impl Figure {
         chosen
     }
 
-    /// The light picture of [`svg`](Self::svg) as PNG, `scale` pixels to one of the SVG's. The letters are those of a bundled
-    /// font, DejaVu Sans: no machine needs fonts of its own.
+    /// Returns the light picture of [`svg`](Self::svg) as PNG, `scale` pixels to one of the SVG's. The letters are those of a bundled font,
+    /// DejaVu Sans: installed fonts are not needed.
     ///
     /// # Panics
     /// If `scale` is not in 0.01..=20.
@@ -104,7 +104,7 @@ impl Figure {
         raster(&self.svg(Theme::Light), scale)
     }
 
-    /// The figure as PDF in a given form: one page as large as the figure, letters as text. Equal figures give equal bytes.
+    /// Returns the figure as PDF in a given form: one page as large as the figure, letters as text. Equal figures give equal bytes.
     ///
     /// # Errors
     /// A text, if the page cannot be written.
@@ -123,7 +123,7 @@ impl Figure {
         document.finish().map_err(|error| format!("{error:?}"))
     }
 
-    /// Names of the files that [`write`](Self::write) may write for the figure `id`.
+    /// Returns the names of the files that [`write`](Self::write) may write for the figure `id`.
     #[must_use]
     pub fn files(id: &str) -> [String; 5] {
         ["csv", "json", "svg", "pdf", "png"].map(|kind| format!("figures/{id}.{kind}"))
@@ -140,7 +140,7 @@ impl Figure {
         self.draw_into(folder, print)
     }
 
-    /// Writes pictures of the figure alone: its numbers are in a table of the command.
+    /// Writes only pictures of the figure: its numbers are in a table of the command.
     ///
     /// # Errors
     /// [`OutputError`] if a file cannot be written.
@@ -166,7 +166,7 @@ impl Figure {
     }
 }
 
-/// A picture of our own, read with the bundled font.
+/// Returns the tree of a generated picture, read with the bundled font.
 fn tree(svg: &str) -> Tree {
     static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
     let fonts = FONTS.get_or_init(|| {
@@ -189,17 +189,17 @@ fn raster(svg: &str, scale: f64) -> Vec<u8> {
     pixmap.encode_png().expect("encoding into memory does not fail")
 }
 
-/// Width of a panel beside another one, px, at least.
+/// Least width of a panel beside another one, px.
 const LEAST: f64 = 230.0;
-/// Height of a panel, px, at least.
+/// Least height of a panel, px.
 const LOWEST: f64 = 130.0;
 /// Letters of the numbers at axes, px.
 const NUMBERS: f64 = 11.0;
 
-/// Where everything goes.
+/// Layout of a page.
 struct Page<'a> {
     figure: &'a Figure,
-    /// px.
+    /// Width and height, px.
     size: [f64; 2],
     title: Vec<String>,
     legend: Vec<Vec<Entry<'a>>>,
@@ -207,13 +207,13 @@ struct Page<'a> {
     top: f64,
     columns: usize,
     cell: [f64; 2],
-    /// Size of the letters over the usual one.
+    /// Ratio of the letter size to the usual one.
     letters: f64,
 }
 
 impl<'a> Page<'a> {
     fn new(figure: &'a Figure, print: &Print) -> Self {
-        // A pixel is 1/96 inch, a point 1/72. The sheet is laid out with the usual letters, and then scaled.
+        // A pixel is 1/96 inch, a point 1/72. The sheet is drawn with the usual letters, and then scaled.
         let letters = print.font_pt.map_or(1.0, |points| points * 96.0 / 72.0 / NUMBERS);
         let pixels = |mm: f64| mm / 25.4 * 96.0 / letters;
         let columns = figure.columns.clamp(1, figure.panels.len().max(1));
@@ -250,7 +250,7 @@ impl<'a> Page<'a> {
         Self { figure, size: size.map(f64::round), title, legend, top, columns, cell: [across, high], letters }
     }
 
-    /// Draws into an SVG; the images that belong behind it, and the dots that belong on it.
+    /// Draws into an SVG; returns the images behind it, and the dots on it.
     fn draw(&self, into: &mut String, theme: Theme) -> (String, String) {
         let [width, height] = self.size.map(|length| (length * UNIT) as u32);
         let colours = theme.colours();
@@ -266,7 +266,7 @@ impl<'a> Page<'a> {
             legend::draw(&canvas, row, [EDGE, y], LEGEND);
             y += LEGEND * LEADING;
         }
-        // Frames start at the same x below each other, and at the same y beside each other.
+        // Frames have the same x below each other, and the same y beside each other.
         let (mut images, mut dots) = (String::new(), String::new());
         let panels = 0..self.figure.panels.len();
         let rooms: Vec<[f64; 2]> = panels.clone().map(|i| self.sheet(i, [0.0; 2]).rooms()).collect();
@@ -292,7 +292,7 @@ impl<'a> Page<'a> {
     }
 }
 
-/// Text inside an XML element.
+/// Returns text escaped for an XML element.
 pub(super) fn escaped(words: &str) -> String {
     text::clean(words).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

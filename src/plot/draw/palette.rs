@@ -11,20 +11,20 @@ pub enum Theme {
 /// Red, green, blue.
 pub(crate) type Rgb = (u8, u8, u8);
 
-/// The colours of one theme.
+/// Colours of one theme.
 pub(crate) struct Colours {
     pub paper: Rgb,
     pub ink: Rgb,
     /// Guides, their names and ticks.
     pub muted: Rgb,
     pub grid: Rgb,
-    /// Okabe and Ito, "Color universal design" (2008), told apart by all kinds of colour vision; the most legible on
-    /// this paper come first.
+    /// Colours of series: Okabe and Ito, "Color universal design" (2008), distinct in all kinds of colour vision; the most legible on this
+    /// paper come first.
     pub series: [Rgb; 8],
-    /// Shades of bands, laid on the paper with `band_opacity`.
+    /// Shades of bands, drawn on the paper with `band_opacity`.
     pub bands: [Rgb; 6],
     pub band_opacity: f64,
-    /// Tiles, side by side: of the same set, told apart by hue and by lightness; curves are drawn on them in `ink`.
+    /// Colours of adjacent tiles: of the same set, distinct by hue and by lightness; curves are drawn on them in `ink`.
     pub tiles: [Rgb; 7],
     pub tile_opacity: f64,
 }
@@ -46,7 +46,7 @@ const LIGHT: Colours = Colours {
     series: [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, (0, 0, 0), GREY],
     bands: [ORANGE, SKY, GREEN, PURPLE, YELLOW, GREY],
     band_opacity: 0.2,
-    // Rising in weight, as outcomes are listed from good to bad.
+    // In rising weight, as outcomes are listed from good to bad.
     tiles: [SKY, PURPLE, YELLOW, GREEN, ORANGE, VERMILION, GREY],
     tile_opacity: 0.75,
 };
@@ -84,7 +84,7 @@ impl Theme {
     }
 }
 
-/// `#rrggbb`.
+/// Returns a colour as `#rrggbb`.
 pub(crate) fn hex((r, g, b): Rgb) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }

@@ -20,10 +20,10 @@ use super::{
 
 pub(super) const SMALL: f64 = 10.5;
 const LABEL: f64 = 11.5;
-/// Of the names above a panel.
+/// Height of the names above a panel, px.
 const NAMES: f64 = 1.5 * SMALL;
 
-/// Between the edge of a cell and its frame, px, without the tick labels at the left.
+/// Space between the edge of a cell and its frame, px, without the tick labels at the left.
 const TOP: f64 = 10.0;
 const RIGHT: f64 = 12.0;
 const BOTTOM: f64 = 40.0;
@@ -32,12 +32,12 @@ const LEFT: f64 = 34.0;
 /// Width of the sample of a class.
 const SWATCH: f64 = 14.0;
 
-/// What a class takes of a row of the legend.
+/// Returns the width of a class in a row of the legend, px.
 fn class_width(name: &str) -> f64 {
     SWATCH + 5.0 + text::width(name, SMALL, false) + 14.0
 }
 
-/// The classes of a raster in rows at most `room` wide.
+/// Returns the classes of a raster in rows at most `room` wide, px.
 fn class_rows(raster: &Raster, room: f64) -> Vec<Vec<(String, Rgb)>> {
     let mut rows: Vec<Vec<(String, Rgb)>> = Vec::new();
     let mut used = f64::INFINITY;
@@ -53,20 +53,20 @@ fn class_rows(raster: &Raster, room: f64) -> Vec<Vec<(String, Rgb)>> {
     rows
 }
 
-/// A panel, its scales and its place.
+/// Panel with its scales and its place.
 pub(super) struct Sheet<'a> {
     pub(super) panel: &'a Panel,
     corner: Point,
     cell: [f64; 2],
     heading: Vec<String>,
-    /// The legend of a raster: rows of classes.
+    /// Legend of a raster: rows of classes.
     classes: Vec<Vec<(String, Rgb)>>,
     pub(super) x: Scale,
     pub(super) y: Scale,
     pub(super) frame: Frame,
 }
 
-/// The scales of a panel: they hold its series; stems stand on zero and leave room above for the names of guides.
+/// Returns the scales of a panel, which include its series; stems stand on zero and leave room above for the names of guides.
 pub(crate) fn scales(panel: &Panel) -> [Scale; 2] {
     let isolated = |series: &Series| matches!(series.style, Style::Points | Style::Joined | Style::Marks);
     let margin = if panel.equal_scales || panel.series.iter().any(isolated) { 0.03 } else { 0.0 };
@@ -86,7 +86,7 @@ pub(crate) fn scales(panel: &Panel) -> [Scale; 2] {
 }
 
 impl<'a> Sheet<'a> {
-    /// A panel in a cell; its frame starts `left` and `top` px from the edges, or farther if its words need it.
+    /// Returns a panel in a cell; its frame starts `left` and `top` px from the edges, or farther if its words need it.
     pub fn new(panel: &'a Panel, corner: Point, cell: [f64; 2], [left, top]: [f64; 2]) -> Self {
         let [mut x, mut y] = scales(panel);
         let heading = text::wrapped(&text::clean(&panel.title), LABEL, true, cell[0] - LEFT - 2.0 * RIGHT);
@@ -118,23 +118,23 @@ impl<'a> Sheet<'a> {
         Self { panel, corner, cell, heading, classes, x, y, frame }
     }
 
-    /// From the left and upper edges of the cell to the frame, px.
+    /// Returns the distances from the left and upper edges of the cell to the frame, px.
     pub fn rooms(&self) -> [f64; 2] {
         [self.frame.x0 - self.corner[0], self.frame.y0 - self.corner[1]]
     }
 
-    /// Place of a point on the sheet.
+    /// Returns the place of a point on the sheet.
     fn at(&self, x: f64, y: f64) -> Point {
         let Frame { x0, x1, y0, y1 } = self.frame;
         [x0 + self.x.place(x) * (x1 - x0), y1 - self.y.place(y) * (y1 - y0)]
     }
 
-    /// The same, for a point that has a place.
+    /// Returns the place of a point on the sheet, if it has one.
     pub(super) fn checked(&self, x: f64, y: f64) -> Option<Point> {
         (drawable(x, self.x.logarithmic) && drawable(y, self.y.logarithmic)).then(|| self.at(x, y))
     }
 
-    /// The raster as an element of an SVG, in the units of the canvas.
+    /// Returns the raster as an element of an SVG, in the units of the canvas.
     pub fn image(&self) -> Option<String> {
         let raster = self.panel.raster.as_ref()?;
         let rows = raster.points.len() / raster.columns.max(1);
@@ -152,7 +152,7 @@ impl<'a> Sheet<'a> {
         ))
     }
 
-    /// Draws the panel. Returns dots that are too many for elements of their own, as elements of an SVG.
+    /// Draws the panel. Returns dots, as elements of an SVG, if they are too many for separate elements.
     pub fn draw(&self, canvas: &Canvas<'_>) -> String {
         self.tiles(canvas);
         self.bands(canvas);
@@ -173,7 +173,7 @@ impl<'a> Sheet<'a> {
         dots
     }
 
-    /// Grid, frame, ticks, labels, heading.
+    /// Draws grid, frame, ticks, labels, heading.
     fn axes(&self, canvas: &Canvas<'_>) {
         let Frame { x0, x1, y0, y1 } = self.frame;
         let colours = canvas.colours;
@@ -265,7 +265,7 @@ impl<'a> Sheet<'a> {
             let foot = if self.y.logarithmic { self.frame.y1 } else { self.at(self.x.low, 0.0)[1] };
             lines.extend(points.iter().flatten().flat_map(|point| self.frame.clipped(&[[point[0], foot], *point])));
         }
-        // So many points overlap themselves; thinner lines show how.
+        // So many points overlap; thinner lines keep them visible.
         if let Some(pen) = pen.as_mut().filter(|_| series.style == Style::Hairline && points.len() > 3000) {
             pen.width = 0.5;
         }
@@ -293,7 +293,7 @@ impl<'a> Sheet<'a> {
     }
 }
 
-/// Dots as one path of round points; those on the same half of a pixel are one.
+/// Returns dots as one path of round points; those on the same half of a pixel are one.
 fn path_of_dots(points: &[Point], radius: f64, colour: Rgb) -> String {
     let step = 0.5 * UNIT;
     let places = points.iter().map(|point| point.map(|px| ((px * UNIT / step).round() * step) as i32));

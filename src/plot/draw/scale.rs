@@ -1,29 +1,29 @@
-//! From values to places on an axis, and its ticks.
+//! Scale of an axis: places of values, and ticks.
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
 use crate::plot::Axis;
 
-/// Beyond this a value is not drawn: the span of two could overflow.
+/// Largest value that is drawn: the span of two larger ones could overflow.
 const HUGE: f64 = 1e300;
 
-/// A range of values laid along an axis.
+/// Range of values along an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Scale {
     pub low: f64,
     pub high: f64,
     pub logarithmic: bool,
     ticks: Vec<f64>,
-    /// Between ticks; none on a logarithmic axis with ticks at powers of ten.
+    /// Distance of ticks; none on a logarithmic axis with ticks at powers of ten.
     step: Option<f64>,
-    /// Whole numbers are places: ticks there, without labels.
+    /// True if whole numbers are places: ticks there, without labels.
     places: bool,
-    /// Tick labels leave out this power of ten, a multiple of three; the axis label names it.
+    /// Power of ten that tick labels omit, a multiple of three; the axis label shows it.
     pub exponent: i32,
 }
 
 impl Scale {
-    /// The axis' own range, or one that holds all values that can be drawn, and `margin` of its length at each end.
+    /// Returns the given range of the axis, or one with all values that can be drawn and `margin` of its length at each end.
     pub fn fit(axis: &Axis, values: impl Iterator<Item = f64>, margin: f64) -> Self {
         let logarithmic = axis.logarithmic;
         let drawn = |value: &f64| drawable(*value, logarithmic);
@@ -44,7 +44,7 @@ impl Scale {
         Self { low, high, logarithmic, ticks: Vec::new(), step: None, places: axis.places, exponent: 0 }
     }
 
-    /// The same scale about its middle, `factor` times as long. Linear only.
+    /// Returns the same scale about its middle, `factor` times as long. Linear only.
     pub fn stretched(mut self, factor: f64) -> Self {
         let middle = f64::midpoint(self.low, self.high);
         let half = (self.high - self.low) / 2.0 * factor;
@@ -52,7 +52,7 @@ impl Scale {
         self
     }
 
-    /// The same scale with about `count` ticks.
+    /// Returns the same scale with about `count` ticks.
     pub fn ticked(mut self, count: usize) -> Self {
         let count = count.max(2);
         if self.logarithmic {
@@ -63,7 +63,7 @@ impl Scale {
         }
         let step = if self.places { 1.0 } else { round_step((self.high - self.low) / count as f64) };
         let (first, last) = ((self.low / step - 1e-9).ceil(), (self.high / step + 1e-9).floor());
-        // A step of 1, 2 or 5 of a power of ten makes at most a few ticks more than asked for.
+        // A step of 1, 2 or 5 of a power of ten makes at most a few ticks more than requested.
         self.ticks = (0..=(last - first).clamp(0.0, 100.0) as usize).map(|i| (first + i as f64) * step).collect();
         let largest = self.low.abs().max(self.high.abs());
         if !self.places && !(1e-3..1e5).contains(&largest) {
@@ -73,7 +73,7 @@ impl Scale {
         self
     }
 
-    /// Ticks and their labels.
+    /// Returns ticks and their labels.
     pub fn labels(&self) -> Vec<(f64, String)> {
         self.ticks.iter().map(|tick| (*tick, self.label(*tick))).collect()
     }
@@ -89,7 +89,7 @@ impl Scale {
         if text.trim_start_matches(['-', '0', '.']).is_empty() { text.replace('-', "") } else { minus(&text) }
     }
 
-    /// Place of a value: 0 at the low end, 1 at the high end.
+    /// Returns the place of a value: 0 at the low end, 1 at the high end.
     pub fn place(&self, value: f64) -> f64 {
         if self.logarithmic {
             libm::log10(value / self.low) / libm::log10(self.high / self.low)
@@ -123,19 +123,19 @@ impl ValueFormatter<f64> for Scale {
     }
 }
 
-/// Whether a value has a place on an axis.
+/// Returns whether a value has a place on an axis.
 pub(super) fn drawable(value: f64, logarithmic: bool) -> bool {
     value.abs() <= HUGE && !(logarithmic && value < f64::MIN_POSITIVE)
 }
 
-/// Label of an axis with its unit, and the power of ten that the tick labels leave out.
+/// Returns the label of an axis with its unit, and the power of ten that the tick labels omit.
 pub(super) fn axis_label(axis: &Axis, exponent: i32) -> String {
     let power = if exponent == 0 { String::new() } else { format!("10{}", superscript(exponent)) };
     let unit = [power.as_str(), axis.unit.as_str()].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>();
     if unit.is_empty() { axis.label.clone() } else { format!("{} [{}]", axis.label, unit.join(" ")).trim().to_owned() }
 }
 
-/// Ends moved outwards by `margin` of the length, except from zero; a point becomes a stretch.
+/// Returns the ends moved outwards by `margin` of the length, except from zero; a point becomes an interval.
 fn widened(low: f64, high: f64, margin: f64) -> [f64; 2] {
     let largest = low.abs().max(high.abs());
     if high - low <= 1e-12 * largest {
@@ -146,7 +146,7 @@ fn widened(low: f64, high: f64, margin: f64) -> [f64; 2] {
     [if low == 0.0 { low } else { low - extra }, if high == 0.0 { high } else { high + extra }]
 }
 
-/// The same for a logarithmic axis; a point becomes a decade.
+/// Returns the same for a logarithmic axis; a point becomes a decade.
 fn decades_around(low: f64, high: f64, margin: f64) -> [f64; 2] {
     let [from, to] = [low, high].map(libm::log10);
     let extra = if to - from < 1e-9 { 0.5 } else { margin * (to - from) };
@@ -154,14 +154,14 @@ fn decades_around(low: f64, high: f64, margin: f64) -> [f64; 2] {
     [from - extra, to + extra].map(|exponent| libm::pow(10f64, exponent.clamp(-307.6, 308.0)))
 }
 
-/// The nearest of 1, 2, 5 times a power of ten.
+/// Returns the nearest of 1, 2, 5 times a power of ten.
 fn round_step(step: f64) -> f64 {
     let power = libm::pow(10f64, libm::log10(step).floor());
     let digits = [1.0, 2.0, 5.0].into_iter().find(|d| step < 1.5 * d * power).unwrap_or(10.0);
     digits * power
 }
 
-/// Powers of ten in a range, every n-th if there are too many, with 2 and 5 times them if there are few.
+/// Returns the powers of ten in a range, every n-th if there are too many, with 2 and 5 times them if there are few.
 fn decades(low: f64, high: f64, count: usize) -> Vec<f64> {
     let (first, last) = (libm::log10(low).floor() as i32, libm::log10(high).ceil() as i32);
     let decades = (last - first) as usize;
@@ -190,7 +190,7 @@ fn superscript(number: i32) -> String {
     number.to_string().chars().map(|c| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize])).collect()
 }
 
-/// With a minus sign in place of a hyphen.
+/// Returns a text with a minus sign in place of a hyphen.
 fn minus(text: &str) -> String {
     text.replace('-', "−")
 }

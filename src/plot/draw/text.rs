@@ -4,10 +4,10 @@ use std::sync::OnceLock;
 
 use ttf_parser::Face;
 
-/// What an SVG asks for: the bundled font, then the like.
+/// Font family of an SVG: the bundled font, then similar ones.
 pub(super) const FAMILY: &str = "DejaVu Sans, Verdana, sans-serif";
 
-/// Width of a line of text, in the unit of `size`.
+/// Returns the width of a line of text, in the unit of `size`.
 pub(super) fn width(text: &str, size: f64, bold: bool) -> f64 {
     static FACES: OnceLock<[Face<'static>; 2]> = OnceLock::new();
     let faces = FACES.get_or_init(|| {
@@ -20,18 +20,18 @@ pub(super) fn width(text: &str, size: f64, bold: bool) -> f64 {
     units / f64::from(face.units_per_em()) * size
 }
 
-/// The largest size up to `size`, and no smaller than 8, at which the text is at most `room` wide.
+/// Returns the largest size up to `size`, and no smaller than 8, at which the text is at most `room` wide.
 pub(super) fn fitted(text: &str, size: f64, room: f64) -> f64 {
     let needed = width(text, size, false);
     if needed > room { (size * room / needed).max(8.0) } else { size }
 }
 
-/// Lines at most `room` wide, broken between words.
+/// Returns lines at most `room` wide, broken between words.
 pub(super) fn wrapped(text: &str, size: f64, bold: bool, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split(' ').filter(|word| !word.is_empty()) {
         match lines.last_mut() {
-            // A lone sign, such as %, stays with what it follows.
+            // A single sign, such as %, stays with the word before it.
             Some(line)
                 if !word.contains(char::is_alphanumeric) || width(&format!("{line} {word}"), size, bold) <= room =>
             {
@@ -44,7 +44,7 @@ pub(super) fn wrapped(text: &str, size: f64, bold: bool, room: f64) -> Vec<Strin
     lines
 }
 
-/// One line without control characters, which XML does not know.
+/// Returns one line without control characters, which XML excludes.
 pub(super) fn clean(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -1,4 +1,4 @@
-//! Guides, and words in the panel: each where it hides neither another nor, if possible, a curve.
+//! Guides, and words in the panel: placed without overlap of words and, if possible, of curves.
 
 use std::collections::HashSet;
 
@@ -11,7 +11,7 @@ use super::{
     text,
 };
 
-/// Where curves run, in cells of a few pixels.
+/// Places of curves, in cells of a few pixels.
 #[derive(Default)]
 pub(super) struct Ink(HashSet<(i32, i32)>);
 
@@ -37,7 +37,7 @@ impl Ink {
         self.0.insert((Self::cell(x), Self::cell(y)));
     }
 
-    /// Cells with a curve in a rectangle.
+    /// Returns the number of cells with a curve in a rectangle.
     pub fn under(&self, [x0, y0, x1, y1]: [f64; 4]) -> usize {
         let columns = Self::cell(x0)..=Self::cell(x1);
         columns
@@ -52,12 +52,12 @@ struct Words<'a> {
     words: &'a str,
     at: Point,
     anchor: Anchor,
-    /// Here even if curves run below: the first place that hides no other words.
+    /// True if curves below are allowed: the first such place that hides no other words is taken.
     firm: bool,
 }
 
 impl Words<'_> {
-    /// Left, top, right, bottom.
+    /// Returns left, top, right and bottom.
     fn room(&self) -> [f64; 4] {
         self.anchor.room(self.at, text::width(self.words, SMALL, false), 0.65 * SMALL)
     }
@@ -69,7 +69,7 @@ impl Words<'_> {
 }
 
 impl Sheet<'_> {
-    /// The two ends of a guide inside the frame, if any of it is.
+    /// Returns the two ends of a guide inside the frame, if any part is inside.
     fn guide_ends(&self, guide: &Guide) -> Option<[Point; 2]> {
         let Frame { x0, x1, y0, y1 } = self.frame;
         let ends = match guide {
@@ -98,8 +98,8 @@ impl Sheet<'_> {
         }
     }
 
-    /// The remark, the notes, and the names of the guides, on them and near their ends. A name that has no room on its
-    /// guide is left out, not printed over another.
+    /// Draws the remark, the notes, and the names of the guides, on them and near their ends. A name without room on its guide is left out,
+    /// not printed over another.
     pub(super) fn words(&self, canvas: &Canvas<'_>, remark: &str, ink: &Ink) {
         let (ink_colour, muted) = (canvas.colours.ink, canvas.colours.muted);
         let corner = [self.frame.x1 - 4.0, self.frame.y1 - 9.0];
@@ -123,7 +123,7 @@ impl Sheet<'_> {
         }
     }
 
-    /// The names of upright guides in a row above the frame, if that is where they belong.
+    /// Draws the names of upright guides in a row above the frame, if the panel places them there.
     fn names_above(&self, canvas: &Canvas<'_>) {
         if !self.panel.names_above {
             return;
@@ -144,7 +144,7 @@ impl Sheet<'_> {
         }
     }
 
-    /// Places around a point, best first.
+    /// Returns places around a point, best first.
     fn beside<'n>(&self, words: &'n str, [x, y]: Point) -> Vec<Words<'n>> {
         let Frame { x0, x1, y0, y1 } = self.frame;
         let length = text::width(words, SMALL, false);
@@ -159,7 +159,7 @@ impl Sheet<'_> {
         places
     }
 
-    /// Places along a guide, best first.
+    /// Returns places along a guide, best first.
     fn along<'g>(&self, guide: &'g Guide, [[ax, ay], [bx, by]]: [Point; 2]) -> Vec<Words<'g>> {
         let Frame { x0, x1, y0, y1 } = self.frame;
         let (Guide::Vertical { name, .. } | Guide::Horizontal { name, .. } | Guide::Slanted { name, .. }) = guide;
@@ -195,8 +195,8 @@ impl Sheet<'_> {
     }
 }
 
-/// Middles of words of `[middle, width]`, rising, moved no farther than they must to stand apart in `room`; none of those that
-/// find no room.
+/// Returns middles of words of `[middle, width]`, rising, moved no farther than necessary for distances in `room`; none for those without
+/// room.
 pub(super) fn side_by_side(words: &[[f64; 2]], [low, high]: [f64; 2]) -> Vec<Option<f64>> {
     const SPACE: f64 = 6.0;
     let mut lefts = Vec::new();

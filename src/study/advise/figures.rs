@@ -1,20 +1,20 @@
-//! The charts of an advice.
+//! Charts of an advice.
 
 use std::f64::consts::TAU;
 
 use super::{Advice, Rung};
 use crate::plot::{Axis, Figure, Guide, Note, Panel, Series, Style};
 
-/// Numbers below this are drawn at this: on a logarithmic axis nothing has no place.
+/// Least number drawn on a logarithmic axis; smaller ones are drawn at this value.
 const LEAST: f64 = 1e-6;
 
-/// A line of a chart: its name, and a value of each series, if there is one.
+/// Row of a chart: its name, and an optional value of each series.
 struct Row {
     words: String,
     values: Vec<Option<f64>>,
 }
 
-/// Rows of points, one above the other in the order given, each under its name.
+/// Returns rows of points, one above the other in the order given, each under its name.
 fn rows(title: &str, x: Axis, names: &[&str], rows: &[Row], guide: Guide) -> Panel {
     let sizes = |k: usize| rows.iter().enumerate().filter_map(move |(i, row)| Some(((i + 1) as f64, row.values[k]?)));
     let drawn = |value: f64| if x.logarithmic { value.abs().max(LEAST) } else { value };
@@ -50,7 +50,7 @@ fn logarithmic(label: &str) -> Axis {
     Axis { logarithmic: true, ..Axis::new(label, "") }
 }
 
-/// Largest size of a change, by which rows are placed.
+/// Returns the largest absolute value of a change, which orders the rows.
 fn change(rung: &Rung) -> f64 {
     rung.apart_change().abs().max(rung.peak_change().unwrap_or(0.0).abs())
 }
@@ -66,14 +66,14 @@ fn tolerance(advice: &Advice) -> Guide {
 }
 
 impl Advice {
-    /// What each simplification costs, and which freedoms matter; without what there is nothing to show of.
+    /// Returns the charts of the cost of each simplification and of the freedoms; a chart without data is left out.
     #[must_use]
     pub fn figures(&self) -> Vec<Figure> {
         [rungs(self), freedoms(self)].into_iter().flatten().collect()
     }
 }
 
-/// What each rung costs and saves: changes of time apart and peak force, and its work against that of the scene.
+/// Returns the chart of cost and saving of each rung: changes of time apart and peak force, and its work relative to that of the scene.
 pub(super) fn rungs(advice: &Advice) -> Option<Figure> {
     let together = advice.together.iter().map(|rung| (rung, "all that is enough, together"));
     let all = sorted(advice.rungs.iter().map(|rung| (rung, rung.words.as_str())).chain(together), |(r, _)| change(r));
@@ -103,7 +103,7 @@ pub(super) fn rungs(advice: &Advice) -> Option<Figure> {
     })
 }
 
-/// Which freedoms matter: share in the motion, and what holding each group changes; the natural modes.
+/// Returns the chart of the freedoms: share in the motion, and the change from holding each group; the natural modes.
 pub(super) fn freedoms(advice: &Advice) -> Option<Figure> {
     let dropped = advice.parts.iter().filter_map(|part| Some((part, part.dropped.as_ref()?)));
     let all = sorted(dropped, |(_, rung)| change(rung));

@@ -1,4 +1,4 @@
-//! What can be made simpler in a scene, from the most faithful model down.
+//! Simplifications of a scene, from the most faithful model down.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -15,11 +15,11 @@ use crate::{
     train::Quantity,
 };
 
-/// What a ladder makes simpler. On each ladder a rung takes the steps of those before it; ladders start from the scene.
+/// Kind of simplification of a ladder. Each rung includes the steps of those before it; ladders start from the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ladder {
-    /// Fewer freedoms.
+    /// Fewer degrees of freedom.
     Freedoms,
     /// Simpler contact laws.
     Law,
@@ -27,36 +27,36 @@ pub enum Ladder {
     Excitation,
     /// Simpler stiffness in time.
     Stiffness,
-    /// Without the forces of the turning frame.
+    /// No forces of the turning frame.
     Frame,
-    /// Without damping in the gap.
+    /// No damping in the gap.
     Gap,
 }
 
 impl Ladder {
-    /// All of them, in the order of a report.
+    /// All ladders, in the order of a report.
     pub const ALL: [Self; 6] = [Self::Freedoms, Self::Law, Self::Excitation, Self::Stiffness, Self::Frame, Self::Gap];
 }
 
-/// A rung that can be tried.
+/// A simpler model that can be tried.
 #[derive(Clone, Debug)]
 pub(super) struct Planned {
-    /// None of the scene itself.
+    /// Ladder of the rung; none for the scene itself.
     pub ladder: Option<Ladder>,
     pub words: String,
     pub steps: Vec<Step>,
 }
 
-/// Something that could not be made, or measured.
+/// Model or figure that could not be made or measured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Left {
-    /// What.
+    /// Name of the missing model or figure.
     pub words: String,
-    /// Why.
+    /// Reason for which it is missing.
     pub why: String,
 }
 
-/// The rungs of a scene, ladder by ladder, and what it has no rungs for.
+/// Rungs of a scene, ladder by ladder, and the ladders without rungs.
 pub(super) struct Rungs {
     pub planned: Vec<Planned>,
     pub left: Vec<Left>,
@@ -65,7 +65,7 @@ pub(super) struct Rungs {
 }
 
 impl Rungs {
-    /// Finds them; a scene without a forcing period or contacts has none.
+    /// Finds the rungs; fails for a scene without a forcing period or contacts.
     pub fn new(scene: &Scene) -> Result<Self, StudyError> {
         let simulation = Simulation::from_scene(scene)?;
         let period = simulation.period()?;
@@ -163,7 +163,7 @@ impl Rungs {
             }
         }
         if self.simulation.structure.spec().has(Quantity::Damping) {
-            // A rung of its own: damping taken from the scene's own law.
+            // A separate rung: damping removed from the law of the scene.
             self.add(Ladder::Law, "no damping in the contacts", vec![Step::Undamped]);
         }
     }

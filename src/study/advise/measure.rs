@@ -1,4 +1,4 @@
-//! The steady motion of a model, in the numbers that models are compared by.
+//! Steady motion of a model, in the numbers by which models are compared.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -25,7 +25,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Standard deviation of the stretches behind it.
+    /// Returns the standard deviation of the stretches behind it.
     pub(super) fn scatter(self) -> f64 {
         self.error * (STRETCHES as f64).sqrt()
     }
@@ -39,25 +39,25 @@ impl Estimate {
     }
 }
 
-/// What was measured on the contacts of one family.
+/// Measures of the contacts of one family.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mesh {
     /// The family, such as `ring-planet`.
     pub family: String,
     /// Time without force, forcing periods: mean of its contacts.
     pub apart: Estimate,
-    /// Separations a forcing cycle and contact.
+    /// Separations per forcing cycle and contact.
     pub separations: f64,
     /// Mean duration of a separation, s, if there are any.
     pub separation_s: Option<f64>,
-    /// Largest force of any of its contacts, N; of rigid contacts, whose impacts have none, nothing. Of an irregular motion
-    /// the mean over stretches of it.
+    /// Largest force of any of its contacts, N; none for rigid contacts, whose impacts have none. Of an irregular motion the mean over its
+    /// stretches.
     pub peak: Option<Estimate>,
     /// Mean force, N.
     pub mean_force: Estimate,
 }
 
-/// Work a forcing cycle takes.
+/// Work per forcing cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Work {
     /// Dense steps.
@@ -66,28 +66,28 @@ pub struct Work {
     pub events: f64,
 }
 
-/// The steady motion of a model.
+/// Steady motion of a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Motion {
-    /// Number of freedoms.
+    /// Number of degrees of freedom.
     pub freedoms: usize,
-    /// How it was found to be.
+    /// Kind of the motion and the cycles to its decision.
     pub settled: crate::orbit::Motion,
-    /// Whether it took up the motion of the full model.
+    /// True if the run started from the motion of the full model.
     pub followed: bool,
     /// Cycles measured.
     pub cycles: u64,
-    /// The contacts, by family.
+    /// Contacts, by family.
     pub meshes: Vec<Mesh>,
-    /// Work a cycle.
+    /// Work per cycle.
     pub work: Work,
-    /// Where it ended, at the start of a cycle.
+    /// Final state, at the start of a cycle.
     #[serde(skip)]
     pub end: Seed,
 }
 
 impl Motion {
-    /// `period 1` in forcing cycles, `irregular` or `settling`.
+    /// Returns `period 1` in forcing cycles, `irregular` or `settling`.
     #[must_use]
     pub fn kind(&self) -> String {
         match self.settled.period {
@@ -97,14 +97,14 @@ impl Motion {
         }
     }
 
-    /// The measures of a family.
+    /// Returns the measures of a family.
     #[must_use]
     pub fn mesh(&self, family: &str) -> Option<&Mesh> {
         self.meshes.iter().find(|mesh| mesh.family == family)
     }
 
-    /// Whether it is irregular: it has no period, and its measures scatter from stretch to stretch. Without a period but with
-    /// steady measures it is a transient longer than what was run.
+    /// Returns whether it is irregular: it has no period, and its measures scatter from stretch to stretch. Without a period but with
+    /// steady measures it is a transient longer than the run.
     #[must_use]
     pub fn irregular(&self) -> bool {
         let relative = |peak: Estimate| peak.scatter() > SCATTER * peak.value;
@@ -112,19 +112,19 @@ impl Motion {
         self.settled.period.is_none() && self.meshes.iter().any(scatters)
     }
 
-    /// Whether it is a transient longer than what was run.
+    /// Returns whether it is a transient longer than the run.
     #[must_use]
     pub fn settling(&self) -> bool {
         self.settled.period.is_none() && !self.irregular()
     }
 
-    /// Largest time without force of any family, forcing periods.
+    /// Returns the largest time without force of any family, forcing periods.
     #[must_use]
     pub fn apart(&self) -> Estimate {
         largest(self.meshes.iter().map(|mesh| mesh.apart)).unwrap_or_default()
     }
 
-    /// Largest force of any family, N.
+    /// Returns the largest force of any family, N.
     #[must_use]
     pub fn peak(&self) -> Option<Estimate> {
         largest(self.meshes.iter().filter_map(|mesh| mesh.peak))
@@ -135,13 +135,13 @@ fn largest(values: impl Iterator<Item = Estimate>) -> Option<Estimate> {
     values.reduce(|a, b| if b.value > a.value { b } else { a })
 }
 
-/// Stretches an irregular motion is measured in: the scatter of their means is that of the measure.
+/// Number of stretches of an irregular motion: the scatter of their means is that of the measure.
 const STRETCHES: u64 = 10;
-/// Scatter between stretches, forcing periods of time apart and relative in peak force, from which on a motion is irregular.
+/// Scatter between stretches above which a motion is irregular: forcing periods of time apart, and relative in peak force.
 const SCATTER: f64 = 1e-3;
 
-/// Settles the motion of `model`, from `seed` or from the scene's own start, and measures it; with `moving`, the second
-/// moments of its velocities are collected too.
+/// Settles the motion of `model`, from `seed` or from the start of the scene, and measures it. With `moving`, the second moments of its
+/// velocities are collected too.
 pub(super) fn measure(
     context: &Context<'_>,
     model: &Model,
@@ -205,7 +205,7 @@ fn stretch(
     Ok((0..structure.contact_count()).map(|j| contacts.report(j)).collect())
 }
 
-/// Samples a cycle for second moments: fewer where there are many products to form.
+/// Returns the samples per cycle for second moments: fewer for many degrees of freedom.
 fn per_cycle(freedoms: usize) -> u32 {
     if freedoms <= 32 { 256 } else { 32 }
 }
@@ -217,7 +217,7 @@ fn meshes(model: &Model, stretches: &[Vec<ContactReport>]) -> Vec<Mesh> {
     let mesh = |(_, family): (usize, String)| {
         let contacts: Vec<usize> = (0..structure.contact_count()).filter(|&j| of(j) == family).collect();
         let count = contacts.len() as f64;
-        // OK to divide: a family has a contact.
+        // Divisor > 0: a family has a contact.
         let mean = |of: &dyn Fn(&ContactReport) -> f64| {
             let each = stretches.iter().map(|reports| contacts.iter().map(|&j| of(&reports[j])).sum::<f64>() / count);
             Estimate::of(&each.collect::<Vec<_>>())
@@ -259,7 +259,7 @@ impl Moments {
         self.sum += v;
     }
 
-    /// `⟨ṽ ṽᵀ⟩` with `ṽ = v − ⟨v⟩`, `[n × n]`.
+    /// Returns `⟨ṽ ṽᵀ⟩` with `ṽ = v − ⟨v⟩`, `[n × n]`.
     pub fn covariance(&self) -> DMatrix<f64> {
         let mean = &self.sum / self.count;
         &self.products / self.count - &mean * mean.transpose()

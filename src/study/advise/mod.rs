@@ -1,8 +1,8 @@
-//! How little of a scene is enough: the same scene at falling fidelity, what each step changes and what it saves.
+//! Sufficient models of a scene: the same scene at falling fidelity, with the change and the saving of each step.
 //!
-//! [`Plan`] finds what can be made simpler and which freedoms there are; its [`Plan::advice`] measures the steady motion of
-//! every simpler model and compares it with the scene's own. Nothing here reads a clock: costs are counted in steps and
-//! events, and [`Rung::advance`] is there to be timed.
+//! [`Plan`] finds possible simplifications and the groups of freedoms; its [`Plan::advice`] measures the steady motion of every simpler
+//! model and compares it with that of the scene. No function here reads a clock: costs are counted in steps and events, and
+//! [`Rung::advance`] allows timing.
 
 mod figures;
 mod ladder;
@@ -37,10 +37,10 @@ use super::{
 };
 use crate::{scene::Scene, task::Task};
 
-/// Groups of freedoms that are tried: of more, those with the smallest share in the motion.
+/// Most groups of freedoms that are tried; of more, those with the smallest share in the motion.
 const GROUPS: usize = 24;
 
-/// What can be tried on a scene.
+/// Simplifications that can be tried on a scene.
 #[derive(Debug)]
 pub struct Plan {
     scene: Scene,
@@ -49,22 +49,22 @@ pub struct Plan {
     groups: Vec<Group>,
 }
 
-/// A model that was measured.
+/// Model that was measured.
 #[derive(Debug, Serialize)]
 pub struct Rung {
-    /// Its ladder; none of the scene itself and of what takes steps of several ladders.
+    /// Ladder of the model, `Freedoms` for all sufficient steps together; none for the scene itself.
     pub ladder: Option<Ladder>,
-    /// The model in words.
+    /// Name of the model, in words.
     pub words: String,
-    /// What a scene has to say for those of its steps that a scene can say, by JSON pointer.
+    /// Values of a scene for those of its steps that a scene can express, by JSON pointer.
     pub set: BTreeMap<String, Value>,
-    /// Its steady motion, taken up from the scene's own.
+    /// Its steady motion, started from that of the scene.
     pub motion: Motion,
-    /// What changed, by family of contacts.
+    /// Changes by family of contacts.
     pub changes: Vec<Change>,
-    /// Whether it is enough.
+    /// Verdict on whether the model is sufficient.
     pub verdict: Verdict,
-    /// Its motion from the scene's own start, if that is another one.
+    /// Its motion from the start of the scene, if that is another one.
     pub own_start: Option<Motion>,
     #[serde(skip)]
     model: Model,
@@ -73,7 +73,7 @@ pub struct Rung {
 }
 
 impl Rung {
-    /// A model that changes nothing yet.
+    /// Returns a model without changes.
     fn new(planned: Planned, model: Model, motion: Motion) -> Self {
         let Planned { ladder, words, steps } = planned;
         let set = steps.iter().filter_map(Step::value).map(|(pointer, value)| (pointer.to_owned(), value)).collect();
@@ -81,14 +81,14 @@ impl Rung {
         Self { ladder, words, set, motion, changes, verdict, own_start, model, steps }
     }
 
-    /// Runs `cycles` forcing cycles of the steady motion and keeps nothing: for a clock.
+    /// Runs `cycles` forcing cycles of the steady motion without a result, for timing.
     pub fn advance(&self, cycles: u64) -> Result<(), StudyError> {
         let simulation = &self.model.simulation;
         let start = resumed(simulation, &self.motion.end).map_or_else(|| simulation.start(), Ok)?;
         go_on(&mut simulation.engine(start)?, simulation.clock(), cycles, &mut (), Task::default())
     }
 
-    /// Work of a forcing cycle: freedoms times dense steps, as a step costs more the more freedoms there are.
+    /// Returns the work of a forcing cycle: freedoms times dense steps, as a step costs more the more freedoms there are.
     #[must_use]
     pub fn work(&self) -> f64 {
         self.motion.freedoms as f64 * self.motion.work.steps
@@ -98,19 +98,19 @@ impl Rung {
         self.verdict == Verdict::Enough
     }
 
-    /// The train that was run.
+    /// Returns the train that was run.
     #[must_use]
     pub fn spec(&self) -> &crate::system::Spec {
         self.model.simulation.structure.spec()
     }
 
-    /// Largest change of the time without force, forcing periods; with its sign.
+    /// Returns the largest change of the time without force, forcing periods; with its sign.
     #[must_use]
     pub fn apart_change(&self) -> f64 {
         verdict::largest(self.changes.iter().map(|change| change.apart.value))
     }
 
-    /// Largest change of the peak force, relative; with its sign.
+    /// Returns the largest change of the peak force, relative; with its sign.
     #[must_use]
     pub fn peak_change(&self) -> Option<f64> {
         let peaks: Vec<f64> = self.changes.iter().filter_map(|change| change.peak).map(|peak| peak.value).collect();
@@ -118,61 +118,61 @@ impl Rung {
     }
 }
 
-/// A group of freedoms, what it takes part in, and what holding it changes.
+/// Group of freedoms, its share in the motion, and the change from holding it.
 #[derive(Debug, Serialize)]
 pub struct Part {
-    /// The freedoms.
+    /// Freedoms of the group.
     #[serde(flatten)]
     pub group: Group,
     /// Share in the kinetic energy of the steady motion; none at rest.
     pub share: Option<f64>,
-    /// The train without it.
+    /// Train without it.
     pub dropped: Option<Rung>,
 }
 
-/// What was found.
+/// Result of an advice.
 #[derive(Debug, Serialize)]
 pub struct Advice {
-    /// The scene.
+    /// Name of the scene.
     pub scene: String,
-    /// Its hash.
+    /// SHA-256 hash of the scene.
     pub scene_sha256: String,
-    /// Whether its numbers have no units.
+    /// True if its numbers have no units.
     pub dimensionless: bool,
     /// Forcing period, s.
     pub period_s: f64,
-    /// When a transient is over.
+    /// Rule for the end of a transient.
     pub rule: Rule,
-    /// Change that still counts as none: forcing periods, and share of the peak force.
+    /// Largest accepted change: forcing periods, and share of the peak force.
     pub tolerance: f64,
-    /// The scene itself.
+    /// Scene itself.
     pub full: Rung,
     /// Simpler models.
     pub rungs: Vec<Rung>,
-    /// Freedoms by groups.
+    /// Groups of degrees of freedom.
     pub parts: Vec<Part>,
-    /// Families of contacts, as the modes count them.
+    /// Families of contacts, in the order of the modes.
     pub families: Vec<String>,
-    /// Natural modes; empty if `left` says why.
+    /// Natural modes; empty if `left` gives the reason.
     pub modes: Vec<Mode>,
-    /// All steps that are enough, together, if no rung is that already.
+    /// All sufficient steps together, if no rung is that already.
     pub together: Option<Rung>,
-    /// What could not be made or measured.
+    /// Models and figures that could not be made or measured.
     pub left: Vec<Left>,
 }
 
 impl Advice {
-    /// All measured models: the scene, its rungs, its freedoms held group by group, all steps together.
+    /// Returns all measured models: the scene, its rungs, its freedoms held group by group, all steps together.
     pub fn models(&self) -> impl Iterator<Item = &Rung> {
         std::iter::once(&self.full).chain(&self.rungs).chain(self.dropped()).chain(&self.together)
     }
 
-    /// The models that hold one group of freedoms.
+    /// Returns the models that hold one group of freedoms.
     fn dropped(&self) -> impl Iterator<Item = &Rung> {
         self.parts.iter().filter_map(|part| part.dropped.as_ref())
     }
 
-    /// The least model found to be enough: all steps together, or the one that takes the least work.
+    /// Returns the least sufficient model: all steps together, or the one that takes the least work.
     #[must_use]
     pub fn least(&self) -> Option<&Rung> {
         let single = || self.rungs.iter().chain(self.dropped()).filter(|rung| rung.is_enough());
@@ -182,7 +182,7 @@ impl Advice {
 }
 
 impl Plan {
-    /// Finds what can be tried on `scene`.
+    /// Finds the simplifications of `scene`.
     ///
     /// # Errors
     /// [`StudyError::Simulation`] without a forcing period or contacts.
@@ -192,17 +192,16 @@ impl Plan {
         Ok(Self { scene: scene.clone(), rungs: planned, left, groups })
     }
 
-    /// Models that will be run, about: what progress is counted in.
+    /// Returns the approximate number of models to run, the unit of progress.
     #[must_use]
     pub fn runs(&self) -> usize {
         2 + self.rungs.len() + if self.groups.len() > 1 { self.groups.len().min(GROUPS) } else { 0 }
     }
 
-    /// Measures everything. `tolerance` > 0: the change, in forcing periods of time apart and relative in peak force, that
-    /// still counts as none.
+    /// Measures all models. `tolerance` > 0 is the largest accepted change, in forcing periods of time apart and relative in peak force.
     ///
     /// # Errors
-    /// [`StudyError`] of the scene's own run; what a simpler model fails with is told in [`Advice::left`].
+    /// [`StudyError`] of the run of the scene; errors of simpler models are listed in [`Advice::left`].
     pub fn advice(&self, context: &Context<'_>, tolerance: f64) -> Result<Advice, StudyError> {
         let model = Model::new(&self.scene, &[])?;
         let spec = model.simulation.structure.spec().clone();
@@ -256,7 +255,7 @@ impl Plan {
         })
     }
 
-    /// Groups to hold, by number, and how.
+    /// Returns the groups to hold, by index, each with its rung.
     fn held(&self, shares: Option<&[f64]>) -> Vec<(usize, Planned)> {
         if self.groups.len() < 2 {
             return Vec::new();
@@ -275,7 +274,7 @@ impl Plan {
         order.into_iter().map(|i| (i, planned(i))).collect()
     }
 
-    /// The step that drops these freedoms: a planetary stage lets its planets follow the carrier, other trains hold them.
+    /// Returns the step that drops these freedoms: a planetary stage lets its planets follow the carrier, other trains hold them.
     fn dropped(&self, names: &[String]) -> Step {
         let train = &self.scene.resolved()["train"];
         if train["kind"] != "planetary" {
@@ -289,7 +288,7 @@ impl Plan {
     }
 }
 
-/// Measures simpler models.
+/// Trial of simpler models.
 struct Trial<'a> {
     scene: &'a Scene,
     context: &'a Context<'a>,
@@ -298,7 +297,7 @@ struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    /// The model, or why there is none.
+    /// Measures a model, or returns the reason for which there is none.
     fn measure(&self, planned: &Planned) -> Result<Result<Rung, Left>, StudyError> {
         let rung = self.rung(planned);
         self.context.task.advance();
@@ -316,7 +315,7 @@ impl Trial<'_> {
         let motion = measure(self.context, &model, Some(&seed), None)?;
         let changes = verdict::changes(full, &motion);
         let verdict = verdict::judge(full, &motion, &changes, self.tolerance);
-        // A model that is not enough may have more than one motion: then the start, too, decides.
+        // An insufficient model may have several motions: then the start is tried too.
         let mut own_start = None;
         if verdict != Verdict::Enough && motion.followed {
             let other = measure(self.context, &model, None, None)?;
@@ -329,8 +328,8 @@ impl Trial<'_> {
     }
 }
 
-/// What is enough by itself, taken together: of each ladder the lowest rung above which all are enough (every one of the
-/// law), and if no rung of the freedoms is, the groups that can be held. None if that is nothing, or a rung already.
+/// Returns all sufficient steps together: of each ladder the lowest rung above which all are sufficient (every one of the law). Without a
+/// sufficient rung of the freedoms, adds the groups that can be held. None if fewer than two result.
 fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step) -> Option<Planned> {
     let on = |ladder: Ladder| rungs.iter().filter(move |rung| rung.ladder == Some(ladder));
     let lowest = |ladder: Ladder| on(ladder).take_while(|rung| rung.is_enough()).last();
@@ -344,7 +343,7 @@ fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step)
     let freedoms = lowest(Ladder::Freedoms);
     let needless = |part: &&Part| part.dropped.as_ref().is_some_and(Rung::is_enough);
     let held: Vec<&Part> = parts.iter().filter(|_| freedoms.is_none()).filter(needless).collect();
-    // Last, as they change what freedoms there are.
+    // Last, as they change the set of degrees of freedom.
     chosen.extend(freedoms);
     let mut steps: Vec<Step> = chosen.iter().flat_map(|rung| rung.steps.clone()).collect();
     let mut words: Vec<String> = chosen.iter().map(|rung| rung.words.clone()).collect();

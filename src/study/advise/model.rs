@@ -1,4 +1,4 @@
-//! A scene made simpler, and where its motion lies in the scene itself.
+//! Simplified model of a scene, and the map from motions of the scene to those of the model.
 
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ use crate::{
 pub enum Step {
     /// Another value at a JSON pointer; at [`FREEDOMS`], other freedoms.
     Set(&'static str, Value),
-    /// Only what excites below this frequency, rad/s: errors and harmonic loads.
+    /// Only excitation (errors and harmonic loads) below this frequency, rad/s.
     ExcitationBelow(f64),
     /// Only stiffness harmonics below this frequency, rad/s.
     StiffnessBelow(f64),
@@ -39,29 +39,29 @@ pub enum Step {
     Alone,
 }
 
-/// Where a scene names the freedoms of its train.
+/// JSON pointer to the degrees of freedom of a scene's train.
 pub const FREEDOMS: &str = "/train/freedoms";
 
 impl Step {
-    /// What a scene has to say for it, as a value at a JSON pointer; none if a scene cannot say it.
+    /// Returns the step as a value at a JSON pointer of the scene; none if a scene cannot express it.
     pub fn value(&self) -> Option<(&'static str, Value)> {
         if let Self::Set(pointer, value) = self { Some((pointer, value.clone())) } else { None }
     }
 }
 
-/// A model of a scene: ready to run, its freedoms as functions of the scene's own.
+/// A model of a scene: a simulation, and its degrees of freedom as functions of those of the scene.
 #[derive(Debug)]
 pub struct Model {
-    /// What runs.
+    /// Simulation of the simplified train.
     pub simulation: Simulation,
     /// R in `q = R q_scene`, `[n × n_scene]`.
     restriction: DMatrix<f64>,
 }
 
 impl Model {
-    /// The scene with `steps` taken, in their order but for those that a scene can say, which come first.
+    /// Builds the scene with `steps`, in their order except that steps which a scene can express come first.
     ///
-    /// It starts where the scene does, seen in its own freedoms.
+    /// It starts from the start of the scene, in its own degrees of freedom.
     pub fn new(scene: &Scene, steps: &[Step]) -> Result<Self, StudyError> {
         let whole = scene.built();
         let mut values: Vec<(&str, Value)> = steps.iter().filter_map(Step::value).collect();
@@ -91,8 +91,8 @@ impl Model {
         Ok(Self { simulation: Simulation::from_built(scene.name(), built)?, restriction })
     }
 
-    /// A motion of the scene's own model, `whole`, as this model can take it up: displacements and velocities in its
-    /// freedoms, latched speeds and modes from the contacts of the same name, or of the same family.
+    /// Returns the state of a motion of the scene's own model, `whole`, as a start of this model: displacements and velocities in its
+    /// degrees of freedom, latched speeds and modes from the contacts of the same name, or of the same family.
     pub fn seed(&self, whole: &Self, seed: &Seed) -> Seed {
         let (ours, theirs) = (&self.simulation.structure, &whole.simulation.structure);
         let n = theirs.freedoms();

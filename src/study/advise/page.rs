@@ -1,11 +1,11 @@
-//! An advice in words and tables.
+//! Advice in words and tables.
 
 use std::f64::consts::TAU;
 
 use super::{Advice, Rung, measure::Estimate, verdict::Verdict};
 use crate::output::{Table, label};
 
-/// Four significant digits, as they read best.
+/// Returns a number with four significant digits.
 fn short(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
@@ -22,22 +22,22 @@ fn fraction(value: f64) -> String {
     format!("{value:.4}")
 }
 
-/// A change of a fraction, `+0.0123`; what does not show is 0.
+/// Returns a change of a fraction, `+0.0123`; a change below the digits shown is 0.
 fn signed(value: f64) -> String {
     if value.abs() < 5e-5 { "0".to_owned() } else { format!("{value:+.4}") }
 }
 
-/// A relative change, `+1.23 %`.
+/// Returns a relative change, `+1.23 %`.
 fn percent(value: f64) -> String {
     if value.abs() < 5e-5 { "0 %".to_owned() } else { format!("{:+.2} %", 100.0 * value) }
 }
 
-/// A mean, and its standard error where that shows.
+/// Returns a mean, with its standard error if that is visible.
 fn with_error(Estimate { value, error }: Estimate, show: impl Fn(f64) -> String) -> String {
     if show(value + error) == show(value) { show(value) } else { format!("{} ± {}", show(value), two_digits(error)) }
 }
 
-/// What `show` makes of a value, or a dash for none.
+/// Returns a value as text by `show`, or a dash for none.
 fn or_dash<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
     value.map_or_else(|| "-".to_owned(), show)
 }
@@ -53,7 +53,7 @@ impl Advice {
         if self.dimensionless { String::new() } else { format!(", {unit}") }
     }
 
-    /// The models, least last: freedoms, motion, time apart, peak force, work and verdict.
+    /// Returns the table of models, least last: freedoms, motion, time apart, peak force, work and verdict.
     #[must_use]
     pub fn models_table(&self) -> Table {
         let row = |words: &str, rung: &Rung| {
@@ -82,7 +82,7 @@ impl Advice {
         Table::new(head).with(rows).titled("Models", note)
     }
 
-    /// The groups of freedoms: share in the motion, and what holding them changes.
+    /// Returns the table of groups of freedoms: share in the motion, and the change from holding them.
     #[must_use]
     pub fn freedoms_table(&self) -> Table {
         let rows = self.parts.iter().map(|part| {
@@ -108,7 +108,7 @@ impl Advice {
         Table::new(head).with(rows).titled("Freedoms", note)
     }
 
-    /// Natural modes with every contact closed.
+    /// Returns the table of natural modes with every contact closed.
     #[must_use]
     pub fn modes_table(&self) -> Table {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
@@ -136,7 +136,7 @@ impl Advice {
         Table::new(head).with(rows).titled("Natural modes", note)
     }
 
-    /// The rule that verdicts follow.
+    /// Returns the rule of the verdicts, in words.
     #[must_use]
     pub fn rule_in_words(&self) -> String {
         format!(
@@ -148,7 +148,7 @@ impl Advice {
         )
     }
 
-    /// What verdicts mean of a scene that has not settled.
+    /// Returns the meaning of verdicts for a scene that has not settled.
     fn transient(&self) -> Option<String> {
         let motion = &self.full.motion;
         motion.settling().then(|| {
@@ -160,7 +160,7 @@ impl Advice {
         })
     }
 
-    /// What was found, sentence by sentence.
+    /// Returns the verdicts, sentence by sentence.
     #[must_use]
     pub fn verdicts(&self) -> Vec<String> {
         let mut lines = self.transient().into_iter().collect::<Vec<_>>();
@@ -225,7 +225,7 @@ impl Advice {
         lines
     }
 
-    /// All numbers, one row a model and family of contacts (RFC 4180).
+    /// Returns all numbers, one row per model and family of contacts (RFC 4180).
     #[must_use]
     pub fn csv(&self) -> String {
         let head = "model,ladder,verdict,freedoms,motion,steps_per_cycle,events_per_cycle,family,apart_periods,apart_error,\
@@ -271,7 +271,7 @@ impl Advice {
     }
 }
 
-/// What a model changes, in words.
+/// Returns the changes by a model, in words.
 fn cost(rung: &Rung) -> String {
     let peak = rung.peak_change().map(|change| format!(", peak force {}", percent(change))).unwrap_or_default();
     format!("no force {} T{peak}", signed(rung.apart_change()))

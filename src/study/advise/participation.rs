@@ -1,4 +1,4 @@
-//! Who takes part in a motion: freedoms, by groups, and natural modes.
+//! Participation of freedoms, by groups, and of natural modes in a motion.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -10,19 +10,19 @@ use crate::{
     system::{Spec, bonded_stiffness, equilibrium, tangent_stiffness},
 };
 
-/// Freedoms that belong together: x and y of a body, the same freedom of all planets.
+/// Group of freedoms: x and y of a body, or the same freedom of all planets.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Group {
-    /// In words.
+    /// Name in words.
     pub words: String,
-    /// The freedoms.
+    /// Freedoms of the group.
     pub freedoms: Vec<String>,
 }
 
-/// Freedoms by groups, in the order of the train.
+/// Returns the freedoms by groups, in the order of the train.
 ///
-/// Names are read as trains are named here: `x_s, y_s, u_s` of a body, `xi_i, eta_i, u_i` of planet i. Numbers count
-/// planets where other bodies have letters, else bodies. A name of another form is a group of its own.
+/// Names are read as `x_s, y_s, u_s` of a body, `xi_i, eta_i, u_i` of planet i. Numbers count planets if other bodies have letters, else
+/// bodies. A name of another form is a group by itself.
 pub fn groups(freedoms: &[String]) -> Vec<Group> {
     let split = |name: &str| name.split_once('_').map(|(stem, of)| (stem.to_owned(), of.to_owned()));
     let numbered = |of: &str| !of.is_empty() && of.chars().all(|c| c.is_ascii_digit());
@@ -59,7 +59,7 @@ fn known(table: &[(&str, &str)], name: &str) -> Option<String> {
     table.iter().find(|(key, _)| *key == name).map(|(_, words)| (*words).to_owned())
 }
 
-/// Shares of each group in the kinetic energy of a motion with velocity covariance S: `Σ_i (M S)_ii / tr(M S)`; none of a
+/// Returns the shares of the groups in the kinetic energy of a motion with velocity covariance S: `Σ_i (M S)_ii / tr(M S)`; none for a
 /// motion at rest.
 pub fn motion_shares(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Option<Vec<f64>> {
     let energy = (&spec.mass * covariance).diagonal();
@@ -72,7 +72,7 @@ fn sum(spec: &Spec, group: &Group, of: &DVector<f64>) -> f64 {
     group.freedoms.iter().filter_map(index).map(|i| of[i]).sum()
 }
 
-/// A natural mode φ of the train with every contact closed, `φᵀ M φ = 1`.
+/// Natural mode φ of the train with every contact closed, `φᵀ M φ = 1`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mode {
     /// Angular frequency ω, rad/s (per unit of time, of a dimensionless train).
@@ -87,8 +87,8 @@ pub struct Mode {
     pub motion: Option<f64>,
 }
 
-/// The natural modes of a train about its rest under the constant load, power laws with their tangent there; why there are
-/// none, else.
+/// Returns the natural modes of a train about its rest under the constant load, power laws with their tangent there; or the reason for
+/// which there are none.
 pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Result<Vec<Mode>, String> {
     if spec.contacts.iter().any(|contact| matches!(contact.law, Law::Rigid(_))) {
         return Err("rigid contacts have no stiffness".to_owned());
@@ -126,7 +126,7 @@ pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Result
     Ok((0..modes.omega.len()).map(mode).collect())
 }
 
-/// The first contact of each family: number and family.
+/// Returns the first contact of each family: index and family.
 pub(super) fn firsts(spec: &Spec) -> Vec<(usize, String)> {
     figures::firsts(spec.contacts.iter().map(|contact| figures::family(&contact.name)))
 }

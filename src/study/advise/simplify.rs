@@ -1,4 +1,4 @@
-//! Simplifications that work on any train.
+//! Simplifications of any train.
 
 use std::f64::consts::TAU;
 
@@ -14,20 +14,20 @@ use crate::{
     train::TrainError,
 };
 
-/// A spring and a damper that stand for a power law.
+/// Spring and damper that replace a power law.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearLaw {
-    /// Contact it belongs to.
+    /// Contact to which they belong.
     pub contact: String,
     /// Tangent stiffness under the static load, N/m.
     pub stiffness: f64,
-    /// Damping that returns a free impact as the power law does, N s/m.
+    /// Damping with the restitution of the power law in a free impact, N s/m.
     pub damping: f64,
 }
 
-/// Linear laws for the power laws of a train: `k = n K^{1/n} F^{1−1/n}` under the static force F, and
-/// `c = 2 ζ √(k m)` with `m = 1/(gᵀ M⁻¹ g)` and ζ from the restitution of a free impact, released at zero force. There are
-/// none where nothing presses on a contact at rest.
+/// Returns linear laws for the power laws of a train: `k = n K^{1/n} F^{1−1/n}` under the static force F, and `c = 2 ζ √(k m)` with `m =
+/// 1/(gᵀ M⁻¹ g)`. ζ follows from the restitution of a free impact, released at zero force. There are none without a force on a contact at
+/// rest.
 pub fn linear_laws(structure: &Structure) -> Result<Vec<LinearLaw>, TrainError> {
     let rest = equilibrium(structure.spec())?;
     let tangents = tangent_stiffness(structure.spec(), &rest);
@@ -45,9 +45,9 @@ pub fn linear_laws(structure: &Structure) -> Result<Vec<LinearLaw>, TrainError> 
     Ok(laws)
 }
 
-/// The damping ratio ζ whose free impact, released at zero force, returns `e`, `(0, 1]`.
+/// Returns the damping ratio ζ whose free impact, released at zero force, has the restitution `e`, in (0, 1].
 pub fn damping_ratio(e: f64) -> f64 {
-    // The restitution falls with ζ; 1/4 and 64 are beyond what any power law of a scene returns.
+    // The restitution falls with ζ; 64 is beyond the damping of any power law of a scene.
     let (mut low, mut high) = (0.0, 64.0);
     loop {
         let middle = 0.5 * (low + high);
@@ -58,7 +58,7 @@ pub fn damping_ratio(e: f64) -> f64 {
     }
 }
 
-/// Power laws replaced by the linear ones of their contact, or of its family.
+/// Replaces power laws by the linear ones of their contact, or of its family.
 pub fn linear(spec: &mut Spec, laws: &[LinearLaw]) {
     for contact in &mut spec.contacts {
         let same = laws.iter().find(|law| law.contact == contact.name);
@@ -76,7 +76,7 @@ pub fn excitation_below(spec: &mut Spec, omega: f64) {
     spec.contacts.iter_mut().flat_map(ContactSpec::errors_mut).for_each(|error| error.retain(|h| h.omega < omega));
 }
 
-/// Frequencies of errors and harmonic loads, rad/s, highest first.
+/// Returns the frequencies of errors and harmonic loads, rad/s, highest first.
 pub fn excitations(spec: &Spec) -> Vec<f64> {
     let loads = spec.load_harmonics.iter().filter(|load| load.vector.iter().any(|f| *f != 0.0)).map(|load| load.omega);
     let errors =
@@ -96,7 +96,7 @@ pub fn stiffness_below(spec: &mut Spec, omega: f64) {
     }
 }
 
-/// Frequencies of stiffness harmonics, rad/s, highest first.
+/// Returns the frequencies of stiffness harmonics, rad/s, highest first.
 pub fn stiffness_harmonics(spec: &Spec) -> Vec<f64> {
     falling(spec.contacts.iter().flat_map(ContactSpec::schedules).flat_map(|schedule| match schedule {
         Stiffness::Harmonic { harmonics, .. } => harmonics.iter().map(|h| h.omega).collect(),
@@ -111,19 +111,19 @@ fn falling(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// Every stiffness at its mean.
+/// Replaces every stiffness by its mean.
 pub fn mean_stiffness(spec: &mut Spec) {
     for schedule in spec.contacts.iter_mut().flat_map(ContactSpec::schedules_mut) {
         *schedule = Stiffness::Constant(schedule.mean());
     }
 }
 
-/// Whether any stiffness varies.
+/// Returns whether any stiffness varies.
 pub fn varies(spec: &Spec) -> bool {
     spec.contacts.iter().flat_map(ContactSpec::schedules).any(|k| !matches!(k, Stiffness::Constant(_)))
 }
 
-/// Whether any stiffness has ramps.
+/// Returns whether any stiffness has ramps.
 pub fn has_ramps(spec: &Spec) -> bool {
     spec.contacts.iter().flat_map(ContactSpec::schedules).any(|schedule| match schedule {
         Stiffness::Periodic { pieces, .. } => pieces.iter().any(|piece| piece.slope != 0.0),
@@ -131,12 +131,12 @@ pub fn has_ramps(spec: &Spec) -> bool {
     })
 }
 
-/// Every ramp becomes a step in its middle.
+/// Replaces every ramp by a step in its middle.
 pub fn stepped(spec: &mut Spec) {
     for schedule in spec.contacts.iter_mut().flat_map(ContactSpec::schedules_mut) {
         if let Stiffness::Periodic { period, origin, pieces } = schedule {
             let levels = levels(*period, pieces);
-            // Pieces are counted from the first one on: the origin goes there, and stays in the first period.
+            // Pieces are counted from the first one on: the origin moves there, and stays in the first period.
             let first = levels.first().map_or(0.0, |level| level.start);
             let past = (*origin / *period + first).rem_euclid(1.0);
             *origin = if past == 0.0 { 0.0 } else { (past - 1.0) * *period };
@@ -145,7 +145,7 @@ pub fn stepped(spec: &mut Spec) {
     }
 }
 
-/// The levels a schedule holds once each ramp is a step; ramps that go on from piece to piece are one.
+/// Returns the levels of a schedule whose ramps are steps; ramps that continue from piece to piece are one.
 fn levels(period: f64, pieces: &[Piece]) -> Vec<Piece> {
     let count = pieces.len();
     let width = |i: usize| pieces.get(i + 1).map_or(1.0 + pieces[0].start, |next| next.start) - pieces[i].start;
@@ -159,7 +159,7 @@ fn levels(period: f64, pieces: &[Piece]) -> Vec<Piece> {
     };
     let mut levels: Vec<Piece> = Vec::new();
     for i in (0..count).filter(|&i| !goes_on(i)) {
-        // The ramp from here over all pieces that go on with it.
+        // The ramp from here over all pieces that continue it.
         let (mut last, mut length) = (i, width(i));
         while goes_on((last + 1) % count) && (last + 1) % count != i {
             last = (last + 1) % count;
@@ -178,7 +178,7 @@ fn levels(period: f64, pieces: &[Piece]) -> Vec<Piece> {
     if kept.is_empty() { levels.into_iter().take(1).collect() } else { kept }
 }
 
-/// `q = P z`: M, C, K become `Pᵀ M P` and so on, loads and directions `Pᵀ f`, `Pᵀ g`.
+/// Projects by `q = P z`: M, C, K become `Pᵀ M P` and so on, loads and directions `Pᵀ f`, `Pᵀ g`.
 fn project(spec: &mut Spec, p: &DMatrix<f64>, names: Vec<String>) {
     let reduced = |v: &[f64]| p.tr_mul(&DVector::from_column_slice(v)).as_slice().to_vec();
     let symmetric = |m: DMatrix<f64>| 0.5 * (&m + m.transpose());
@@ -191,7 +191,7 @@ fn project(spec: &mut Spec, p: &DMatrix<f64>, names: Vec<String>) {
     spec.freedoms = names;
 }
 
-/// Holds freedoms at rest, but for `η = u_c` of a planet that is `carried`; gives R of `q_kept = R q`.
+/// Holds freedoms at rest, except `η = u_c` of a planet that is `carried`; returns R of `q_kept = R q`.
 pub fn drop(spec: &mut Spec, names: &[String], carried: bool) -> DMatrix<f64> {
     let all = spec.freedoms.clone();
     let kept: Vec<String> = all.iter().filter(|name| !names.contains(name)).cloned().collect();
@@ -205,11 +205,11 @@ pub fn drop(spec: &mut Spec, names: &[String], carried: bool) -> DMatrix<f64> {
     own.transpose()
 }
 
-/// Each contact on its own, with the motion `φ = m M⁻¹ g` that a push of its own gives to the train: one freedom, its
-/// deflection `z = gᵀ q`, of mass `m = 1/(gᵀ M⁻¹ g)`, supports `φᵀ K φ`, `φᵀ C φ`, harmonic loads `φᵀ f`. Its constant
-/// load is such that the contact rests as it does in the train; where the train has no such rest, `φᵀ f`.
+/// Separates the contacts, each with the motion `φ = m M⁻¹ g` from a push at the contact alone: one freedom, its deflection `z = gᵀ q`. It
+/// has mass `m = 1/(gᵀ M⁻¹ g)`, supports `φᵀ K φ`, `φᵀ C φ` and harmonic loads `φᵀ f`. Its constant load makes the contact rest as in the
+/// train; if the train has no such rest, it is `φᵀ f`.
 ///
-/// Of a train with one contact and no supports nothing is lost. Gives `R = (g₁ᵀ; g₂ᵀ; …)`.
+/// A train with one contact and no supports is unchanged by this. Returns `R = (g₁ᵀ; g₂ᵀ; …)`.
 pub fn alone(spec: &mut Spec) -> DMatrix<f64> {
     let (count, n) = (spec.contacts.len(), spec.freedoms.len());
     let restriction = DMatrix::from_fn(count, n, |j, i| spec.contacts[j].direction[i]);
@@ -260,7 +260,7 @@ pub fn alone(spec: &mut Spec) -> DMatrix<f64> {
     restriction
 }
 
-/// A frequency as a multiple of that of the forcing, in words.
+/// Returns a frequency as a multiple of that of the forcing, in words.
 pub fn order(omega: f64, period: f64) -> String {
     let order = omega * period / TAU;
     let near = (order - order.round()).abs() < 1.0e-9 * order;

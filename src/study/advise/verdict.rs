@@ -1,56 +1,56 @@
-//! What a simpler model changes, and whether it is enough.
+//! Changes of a simpler model, and the verdict on whether it is sufficient.
 
 use serde::Serialize;
 
 use super::measure::{Estimate, Motion};
 use crate::output::label;
 
-/// Change of one family of contacts against the scene.
+/// Change of one family of contacts from the scene to a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Change {
     /// The family.
     pub family: String,
     /// Change of the time without force, forcing periods.
     pub apart: Estimate,
-    /// The same, relative; none where the scene's is 0.
+    /// Relative change of that time; none if the scene's is 0.
     pub apart_relative: Option<f64>,
-    /// Change of the mean duration of a separation, relative, where both have some.
+    /// Relative change of the mean duration of a separation, if both have some.
     pub separation_relative: Option<f64>,
     /// Change of the peak force, N.
     pub peak_n: Option<f64>,
-    /// Change of the peak force, relative; none of rigid contacts and of contacts without force.
+    /// Relative change of the peak force; none for rigid contacts and for contacts without force.
     pub peak: Option<Estimate>,
     /// Change of the mean force, N.
     pub mean_force: f64,
 }
 
-/// Whether a model is enough.
+/// Verdict on whether a model is sufficient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Time apart and peak force of every family change by no more than the tolerance, and the motion stays of its kind: of
-    /// one period, or irregular.
+    /// Time apart and peak force of every family change by no more than the tolerance, and the kind of motion is the same: of one period,
+    /// or irregular.
     Enough,
-    /// Something changes by more.
+    /// A measure changes by more.
     NotEnough,
-    /// Neither is clear of the tolerance: of irregular motions by twice the standard error of the change, of transients by ten
-    /// times its scatter.
+    /// A change is too near the tolerance: within twice its standard error for irregular motions, within ten times its scatter for
+    /// transients.
     Unclear,
 }
 
 impl Verdict {
-    /// `enough`, `not enough` or `unclear`.
+    /// Returns `enough`, `not enough` or `unclear`.
     pub(super) fn words(self) -> String {
         label(self).replace('-', " ")
     }
 }
 
-/// The value largest in size, with its sign; 0 of none.
+/// Returns the value largest in size, with its sign; 0 for no value.
 pub(super) fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(0.0, |a, b| if b.abs() > a.abs() { b } else { a })
 }
 
-/// What changes from `full` to `motion`, family by family of `full`.
+/// Returns the changes from `full` to `motion`, family by family of `full`.
 pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
     let between =
         |a: Estimate, b: Estimate| Estimate { value: b.value - a.value, error: libm::hypot(a.error, b.error) };
@@ -72,8 +72,8 @@ pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
     full.meshes.iter().filter_map(change).collect()
 }
 
-/// Scatters by which a change of a transient must be clear of the tolerance. A slow drift does not average out, and its end is
-/// not known; it moves by about three scatters in the stretches that were measured.
+/// Least distance of a change from the tolerance, in scatters, for a transient. A slow drift does not average out, and its end is unknown;
+/// it moves by about three scatters in the measured stretches.
 const DRIFT: f64 = 10.0;
 
 /// Judges `changes` from `full` to `motion`.

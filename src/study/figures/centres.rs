@@ -14,14 +14,14 @@ use crate::{
 
 /// Samples of a path in a mesh period.
 pub(super) const PER_CYCLE: u32 = 128;
-/// Paths beside each other, at most.
+/// Most paths beside each other.
 const MOST_COLUMNS: usize = 4;
-/// Mesh periods of paths in a frame at rest, about.
+/// Approximate mesh periods of paths in a frame at rest.
 const SHOWN: u64 = 16;
 
-/// Paths of the centres of gears in the fixed frame: in a train with a carrier of those on its axis over one turn of it, else of
-/// all over some mesh periods. A train whose centres do not move has none. The facts are in m, those on the spectrum and on
-/// `x(t + T) − x(t)` in the frame of the scene.
+/// Draws the paths of the centres of gears in the fixed frame: with a carrier, of those on its axis over one turn of it; else of all over
+/// some mesh periods. A train whose centres do not move has none. The facts are in m; spectrum and `x(t + T) − x(t)` are in the frame of
+/// the scene.
 pub fn trajectories(
     context: &Context<'_>,
     scene: &Scene,
@@ -114,7 +114,7 @@ pub fn trajectories(
     Ok((figure, found))
 }
 
-/// Root mean square of `x(t + T) − x(t)` over that of x (mean taken off).
+/// Returns the root mean square of `x(t + T) − x(t)` over that of x less its mean.
 pub(super) fn residual(x: &[f64]) -> f64 {
     let lag = PER_CYCLE as usize;
     let rms = |values: &mut dyn Iterator<Item = f64>| {
@@ -127,12 +127,12 @@ pub(super) fn residual(x: &[f64]) -> f64 {
     if all > 0.0 { changed / all } else { 0.0 }
 }
 
-/// Displacement of one freedom over time and its spectrum around half the mesh frequency.
+/// Draws the displacement of one freedom over time and its spectrum around half the mesh frequency.
 pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(Figure, Value), StudyError> {
     const CYCLES: u64 = 384;
     const SHOWN: usize = 24;
     const PER_CYCLE: u32 = 32;
-    /// Where a subharmonic of order 1/2 would stand.
+    /// Range of a subharmonic of order 1/2, mesh frequencies.
     const REGION: [f64; 2] = [0.4, 0.6];
     /// Highest frequency shown, mesh frequencies.
     const HIGHEST: f64 = 1.6;
@@ -147,7 +147,7 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
     let in_region = |f: f64| (REGION[0]..=REGION[1]).contains(&(f / mesh_frequency));
     let mut around: Vec<f64> = bins.iter().filter(|(f, _)| in_region(*f)).map(|(_, a)| *a).collect();
     around.sort_by(f64::total_cmp);
-    // The floor is what a line at half the mesh frequency must rise above.
+    // A line at half the mesh frequency must rise above the floor.
     let facts = json!({
         "kind": settled.kind, "period": settled.period, "half": spectrum.at(0.5 * mesh_frequency),
         "floor": around.get(around.len() / 2).copied().unwrap_or(0.0),

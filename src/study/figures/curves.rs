@@ -14,34 +14,34 @@ use crate::{
     },
 };
 
-/// How the points of a curve were started.
+/// Starts of the points of a curve.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
-    /// Each from the scene's own start.
+    /// Each point from the start of the scene.
     Cold,
-    /// Each from the motion at the next lower value.
+    /// Each point from the motion at the next lower value.
     Up,
-    /// Each from the motion at the next higher value.
+    /// Each point from the motion at the next higher value.
     Down,
 }
 
-/// Every way, how it is named and how it is drawn.
+/// Every way, with its name and line style.
 const WAYS: [(Way, &str, Style); 3] = [
     (Way::Cold, "cold start", Style::Joined),
     (Way::Up, "followed up", Style::Line),
     (Way::Down, "followed down", Style::Dashed),
 ];
 
-/// A measure of the first contact whose name starts with `stem`, along steady motions.
+/// Returns a measure of the first contact whose name starts with `stem`, along steady motions.
 pub(in crate::study) fn along(rows: &[Steady], stem: &str, pick: impl Fn(&ContactSteady) -> f64) -> Vec<f64> {
     rows.iter().filter_map(|row| row.contact(stem)).map(pick).collect()
 }
 
-/// What was measured along the curves, by start and family.
+/// Returns the measures along the curves, by start and family.
 pub(in crate::study) fn facts(curves: &[Vec<Steady>], values: &[f64]) -> Value {
     let mut facts = Map::from_iter([("values".to_owned(), json!(values))]);
     for (i, way) in ["cold", "up", "down"].into_iter().enumerate() {
-        // A way that was not made has no rows.
+        // A way that was not computed has no rows.
         let rows = curves.get(i).map(Vec::as_slice).unwrap_or_default();
         let measured = curves[0].first().map(families).unwrap_or_default().into_iter().map(|(_, family)| {
             let measures = json!({
@@ -56,13 +56,13 @@ pub(in crate::study) fn facts(curves: &[Vec<Steady>], values: &[f64]) -> Value {
     facts.into()
 }
 
-/// Title of the panel of a family's time without force, which is there only if the family ever opens.
+/// Returns the title of the panel of a family's time without force; only families that open have one.
 pub fn fraction_title(family: &str) -> String {
     format!("{family}: time without force")
 }
 
-/// Time without force and force amplitude against a number, started in three ways so that branches which exist side by
-/// side show; `cold` makes the first way alone. The steady motions are those of cold starts, followed up and followed down.
+/// Draws time without force and force amplitude against a number, started in three ways, which shows coexisting branches; `cold` restricts
+/// it to the first way. Returns the steady motions of cold starts, followed up and followed down.
 pub fn apart(
     context: &Context<'_>,
     scene: &Scene,
@@ -100,7 +100,7 @@ pub fn apart(
         fraction.series.push(flight.styled(Style::Hairline));
         let highest = fraction.series.iter().flat_map(|series| &series.y).fold(0.0, |m: f64, y| m.max(*y));
         fraction.y = fraction.y.between(0.0, f64::max(1.1 * highest, 0.1));
-        // A family that never opens has no curve worth looking at.
+        // A family that never opens has no curve.
         if highest > 0.0 {
             figure.panels.extend([fraction, amplitude]);
         } else {
@@ -122,7 +122,7 @@ pub fn apart(
     Ok((figure, curves))
 }
 
-/// First harmonic and extremes of the mesh forces against speed. A bilateral law is valid while the smallest force is
+/// Draws first harmonic and extremes of the mesh forces against speed. A bilateral law is valid while the smallest force is positive.
 /// positive.
 pub fn harmonics(
     context: &Context<'_>,
@@ -167,7 +167,7 @@ pub fn harmonics(
     Ok((figure, by_name(facts)))
 }
 
-/// The largest load at which the meshes of a family still leave their flanks, against speed; the loads located, with their speeds.
+/// Draws the largest load at which the meshes of a family still leave their flanks, against speed; returns the loads with their speeds.
 pub fn threshold(
     context: &Context<'_>,
     scene: &Scene,

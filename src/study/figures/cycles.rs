@@ -16,14 +16,14 @@ use crate::{
     },
 };
 
-/// Cycles shown, at least and at most.
+/// Least and largest number of cycles shown.
 const SHOWN: [u64; 2] = [3, 60];
 /// Mesh periods measured of a motion without a period.
 const IRREGULAR: u64 = 60;
 const PER_CYCLE: u32 = 512;
 
-/// Forces over a few mesh periods at several loads (of a train without one, at its own), with the modes of the last mesh family shaded and its events
-/// marked; below them the angular speed of a planet (or the deflection, in other trains).
+/// Draws forces over a few mesh periods at several loads (or at the load of the scene, if none can vary). The modes of the last mesh family
+/// are shaded and its events marked. Below is the angular speed of a planet (in other trains the deflection).
 pub fn cycles(
     context: &Context<'_>,
     scene: &Scene,
@@ -79,8 +79,8 @@ pub fn cycles(
     Ok((figure, found))
 }
 
-/// What one load showed, of the last family of meshes: maxima of the force in a mesh period, its smallest value and its
-/// harmonics, and the shares of the mesh period in which this family (`apart`) and all families (`together`) carry none.
+/// Returns the measures at one load, of the last family of meshes: maxima of the force in a mesh period, its least value and its harmonics.
+/// Shares of the mesh period without force are those of this family (`apart`) and of all families (`together`).
 fn found(load: Option<f64>, recording: &Recording, contacts: &[(usize, String)], window: Window) -> Value {
     let Some(&(last, _)) = contacts.last() else {
         return json!({ "load": load, "peaks": 0, "smallest": 0.0, "harmonics": [], "apart": 0.0, "together": 0.0 });
@@ -90,7 +90,7 @@ fn found(load: Option<f64>, recording: &Recording, contacts: &[(usize, String)],
     let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), window);
     let span = cycles * recording.period;
     let open = |j: usize| recording.spells[j].iter().filter(|spell| !spell.mode.is_closed());
-    // Stretches in which all families so far are open.
+    // Intervals in which all families so far are open.
     let mut shared = vec![(0.0, span)];
     for &(j, _) in contacts {
         let parts = |&(from, to): &(f64, f64)| {
@@ -109,10 +109,10 @@ fn found(load: Option<f64>, recording: &Recording, contacts: &[(usize, String)],
     })
 }
 
-/// What is drawn of one load: a recording, with the modes of one contact shaded.
+/// Recording of one load, with the modes of one contact shaded.
 struct Shown<'a> {
     recording: &'a Recording,
-    /// Number and family of the contact.
+    /// Index and family of the contact.
     shaded: (usize, String),
     units: Units,
 }
@@ -138,7 +138,7 @@ impl Shown<'_> {
         }
     }
 
-    /// The events of the shaded contact, and a value at each.
+    /// Returns the events of the shaded contact, with a value at each.
     fn marks(&self, value: impl Fn(&Spell) -> f64) -> Option<Series> {
         let (j, family) = &self.shaded;
         let events = self.recording.spells[*j].iter().skip(1);
@@ -155,7 +155,7 @@ impl Shown<'_> {
         panel
     }
 
-    /// Spin of the first planet beside the carrier: its mean, `(ω_s − ω_c) Z_s/Z_p`, and what it fluctuates by.
+    /// Returns the spin of the first planet relative to the carrier: its mean, `(ω_s − ω_c) Z_s/Z_p`, and its fluctuation.
     fn speed_of_planet(&self, simulation: &Simulation, scene: &Scene) -> Option<Panel> {
         let freedom = simulation.freedom("u_1").or_else(|_| simulation.freedom("u")).ok()?;
         let number = |pointer: &str| number(scene, pointer).ok();

@@ -1,6 +1,6 @@
 //! The figures of a study.
 //!
-//! Each takes scenes and numbers to vary, runs what it needs, and gives a figure with what was measured on the way.
+//! Each function takes scenes and numbers to vary, runs the scenes, and returns a figure with its measures.
 
 mod centres;
 mod curves;
@@ -30,25 +30,25 @@ use crate::{
     task::Task,
 };
 
-/// What every figure needs besides its scene.
+/// Rule and task of all figures.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
-    /// When a transient is over.
+    /// Rule for the end of a transient.
     pub rule: Rule,
-    /// Cancels it, and hears of each scene that was run.
+    /// Task that cancels the work and counts the scenes that were run.
     pub task: Task<'a>,
 }
 
 impl Context<'_> {
-    /// Steady motion of `scene`.
+    /// Returns the steady motion of `scene`.
     pub(super) fn steady(&self, scene: &Scene, seed: Option<&Seed>) -> Result<Steady, StudyError> {
-        // Periodic or not is enough for a figure.
+        // A figure needs only to know if the motion is periodic.
         let steady = steady(scene, seed, &Rule { decides: false, ..self.rule }, self.task);
         self.task.advance();
         steady
     }
 
-    /// The settled motion over as many cycles as `cycles` says for its period, with `per_cycle` samples of each; its kind, if `decides`.
+    /// Records the settled motion over `cycles(period)` cycles, with `per_cycle` samples of each; returns its kind too, if `decides`.
     fn recorded(
         &self,
         simulation: &Simulation,
@@ -61,7 +61,7 @@ impl Context<'_> {
         Ok((recording, settled))
     }
 
-    /// `work` for every item, on all cores, results in order; the first error in that order counts.
+    /// Applies `work` to every item, on all cores, with results in order; the first error in that order counts.
     pub(super) fn each<T: Sync, R: Send>(
         &self,
         items: &[T],
@@ -73,12 +73,12 @@ impl Context<'_> {
         items.par_iter().with_max_len(1).map(run).collect::<Vec<_>>().into_iter().collect()
     }
 
-    /// Steady motions along `values` of the number at `pointer`, each on its own from the scene's start.
+    /// Returns the steady motions along `values` of the number at `pointer`, each from the start of the scene.
     fn cold(&self, scene: &Scene, pointer: &str, values: &[f64]) -> Result<Vec<Steady>, StudyError> {
         self.each(values, |value| self.steady(&scene.with(pointer, json!(value))?, None))
     }
 
-    /// Steady motions along `values`, each taking up the motion before it.
+    /// Returns the steady motions along `values`, each started from the motion before it.
     fn followed(
         &self,
         scene: &Scene,
@@ -96,15 +96,15 @@ impl Context<'_> {
     }
 }
 
-/// A number of a scene that a study varies.
+/// Number of a scene that a study varies.
 pub(super) struct Quantity {
-    /// Its place.
+    /// Pointer to the number.
     pub pointer: String,
-    /// Its words and unit.
+    /// Name and unit.
     pub axis: Axis,
 }
 
-/// The number at `pointer` of a scene, or else the `usual` one.
+/// Returns the number at `pointer` of a scene, or else the `usual` one.
 pub(super) fn quantity(
     scene: &Scene,
     pointer: Option<&str>,
@@ -117,7 +117,7 @@ pub(super) fn quantity(
     pointer.map(at).or_else(|| usual(scene))
 }
 
-/// The speed of a train: of its sun, its driving gear, or the shaft whose speed a gearbox gives.
+/// Returns the speed of a train: of its sun, its driving gear, or the shaft whose speed a gearbox gives.
 pub(super) fn speed(scene: &Scene) -> Option<Quantity> {
     let (pointer, label) = match kind(scene) {
         "planetary" => ("/train/speed_rpm".to_owned(), "speed of the sun".to_owned()),
@@ -128,8 +128,8 @@ pub(super) fn speed(scene: &Scene) -> Option<Quantity> {
     Some(Quantity { pointer, axis: Axis::new(label, "rev/min") })
 }
 
-/// The load of a train: its output torque, the torque of a gear pair, the first torque of a shaft in a gearbox; where no shaft
-/// carries one, the drag of a loose gear.
+/// Returns the load of a train: its output torque, the torque of a gear pair, the first torque of a shaft in a gearbox. If no shaft has
+/// one, the drag of a loose gear.
 pub(super) fn load(scene: &Scene) -> Option<Quantity> {
     let is_loaded = |shaft: &Value| shaft["torque_nm"].as_f64().is_some_and(|torque| torque != 0.0);
     let (pointer, label) = match kind(scene) {
@@ -141,14 +141,14 @@ pub(super) fn load(scene: &Scene) -> Option<Quantity> {
     Some(Quantity { pointer, axis: Axis::new(label, "N m") })
 }
 
-/// Pointer to `key` of the first part of a gearbox of which `has` is true, and words for it.
+/// Returns the pointer to `key` of the first part of a gearbox of which `has` is true, and words for it.
 fn part(scene: &Scene, list: &str, has: impl Fn(&Value) -> bool, key: &str, words: &str) -> Option<(String, String)> {
     let parts = scene.resolved()["train"][list].as_array()?;
     let i = parts.iter().position(has)?;
     Some((format!("/train/{list}/{i}/{key}"), format!("{words} {}", parts[i]["name"].as_str().unwrap_or_default())))
 }
 
-/// Pointer to the drag torque of the first loose gear that has one, and words for it.
+/// Returns the pointer to the drag torque of the first loose gear that has one, and words for it.
 fn drag(scene: &Scene) -> Option<(String, String)> {
     let shafts = scene.resolved()["train"]["shafts"].as_array()?;
     shafts.iter().enumerate().find_map(|(i, shaft)| {
@@ -159,20 +159,20 @@ fn drag(scene: &Scene) -> Option<(String, String)> {
     })
 }
 
-/// The kind of a scene's train.
+/// Returns the kind of a scene's train.
 pub(super) fn kind(scene: &Scene) -> &str {
     scene.resolved()["train"]["kind"].as_str().unwrap_or_default()
 }
 
-/// Units in which motions are shown, and the factors that lead to them.
+/// Units of shown motions, and the factors that convert to them.
 pub(super) struct Units {
-    /// ms
+    /// Time, ms.
     pub time: (f64, &'static str),
-    /// µm
+    /// Length, µm.
     pub length: (f64, &'static str),
-    /// N
+    /// Force, N.
     pub force: &'static str,
-    /// Hz
+    /// Frequency, Hz.
     frequency: &'static str,
 }
 
@@ -185,7 +185,7 @@ impl Units {
         }
     }
 
-    /// The same for times up to `time`, s, and lengths up to `length`, m.
+    /// Returns units that suit times up to `time`, s, and lengths up to `length`, m.
     pub fn fit(self, time: f64, length: f64) -> Self {
         if self.force.is_empty() {
             return self;
@@ -200,8 +200,8 @@ impl Units {
     }
 }
 
-/// A contact's name without its number: `ring-planet 2` is one of the `ring-planet` meshes. Contacts without names of their own,
-/// `contact 2`, are no family, nor are meshes of numbered gears, `z23-z34`.
+/// Returns a contact's name without its number: `ring-planet 2` is one of the `ring-planet` meshes. Contacts without given names, `contact
+/// 2`, are no family, nor are meshes of numbered gears, `z23-z34`.
 pub(super) fn family(name: &str) -> &str {
     match name.rsplit_once(' ') {
         Some((stem, number)) if stem != "contact" && number.bytes().all(|byte| byte.is_ascii_digit()) => stem,
@@ -209,17 +209,17 @@ pub(super) fn family(name: &str) -> &str {
     }
 }
 
-/// The first contact of each family of a case, in order: `(number, family)`.
+/// Returns the first contact of each family of a case, in order: `(number, family)`.
 pub(super) fn representatives(simulation: &Simulation) -> Vec<(usize, String)> {
     firsts((0..simulation.structure.contact_count()).map(|j| family(simulation.structure.contact_name(j))))
 }
 
-/// The first contact of each family of a steady motion.
+/// Returns the first contact of each family of a steady motion.
 pub(super) fn families(steady: &Steady) -> Vec<(usize, String)> {
     firsts(steady.contacts.iter().map(|contact| family(&contact.report.name)))
 }
 
-/// The first item of each family.
+/// Returns the first item of each family.
 pub(super) fn firsts<'n>(families: impl Iterator<Item = &'n str>) -> Vec<(usize, String)> {
     let mut found: Vec<(usize, String)> = Vec::new();
     for (j, family) in families.enumerate() {
@@ -230,31 +230,31 @@ pub(super) fn firsts<'n>(families: impl Iterator<Item = &'n str>) -> Vec<(usize,
     found
 }
 
-/// Mesh frequency of a contact, Hz: its own where the scene gives its teeth, else that of the cycle.
+/// Returns the mesh frequency of a contact, Hz: from its teeth if the scene gives them, else that of the cycle.
 pub(super) fn mesh_frequency(simulation: &Simulation, contact: usize) -> Result<f64, StudyError> {
     let name = family(simulation.structure.contact_name(contact));
     let own = simulation.meshes.iter().find(|mesh| family(&mesh.name) == name && mesh.frequency > 0.0);
     Ok(own.map_or(1.0 / simulation.period()?, |mesh| mesh.frequency))
 }
 
-/// Frequencies and amplitudes of a spectrum up to `highest`, without its mean.
+/// Returns frequencies and amplitudes of a spectrum up to `highest`, without its mean.
 pub(super) fn lines(spectrum: &Spectrum, highest: f64) -> Vec<(f64, f64)> {
     let lines = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);
     lines.take_while(|(frequency, _)| *frequency <= highest).collect()
 }
 
-/// Local maxima of values that go round.
+/// Returns the number of local maxima of cyclic values.
 fn maxima(values: &[f64]) -> usize {
     let n = values.len();
     (0..n).filter(|&i| values[i] > values[(i + n - 1) % n] && values[i] >= values[(i + 1) % n]).count()
 }
 
-/// What was measured, by the name of what it belongs to (`sun_planet` for `sun-planet`), as expressions know it.
+/// Returns the facts under names that expressions can use (`sun_planet` for `sun-planet`).
 pub(super) fn by_name(facts: impl IntoIterator<Item = (String, Value)>) -> Map<String, Value> {
     facts.into_iter().map(|(name, fact)| (name.replace(['-', ' '], "_"), fact)).collect()
 }
 
-/// A number of a scene.
+/// Returns a number of a scene.
 ///
 /// # Errors
 /// [`StudyError`] if the scene has no number there.

@@ -16,22 +16,22 @@ use crate::{
     },
 };
 
-/// Modes drawn, at most.
+/// Most modes drawn.
 const DRAWN: usize = 12;
 /// Frequencies below this share of the highest one are rounding of a body that moves freely.
 const RIGID: f64 = 1e-6;
 
 /// Colour of bodies at rest.
 const REST: usize = 7;
-/// Millimetres of a metre.
+/// Millimetres per metre.
 const MM: f64 = 1e3;
 
-/// A natural mode.
+/// Natural mode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModeRow {
-    /// In a symmetric stage its family and its number there, from 1: `R1`, `T2`, `P1`; else its number: `f1`.
+    /// Name: in a symmetric stage its family and its index there, from 1: `R1`, `T2`, `P1`; else its index: `f1`.
     pub name: String,
-    /// How often the frequency is repeated.
+    /// Number of modes of this frequency.
     pub multiplicity: usize,
     /// Frequency, Hz.
     pub hertz: f64,
@@ -39,8 +39,8 @@ pub struct ModeRow {
     pub shares: Vec<(String, f64)>,
 }
 
-/// Natural modes with every contact closed, and drawings of those up to `highest`, Hz, if the gears are known. Modes of symmetric
-/// stages are named by family.
+/// Returns the natural modes with every contact closed, and drawings of those up to `highest`, Hz, if the gears are known. Modes of
+/// symmetric stages are named by family.
 pub fn modes(scene: &Scene, highest: f64) -> Result<(Option<Figure>, Vec<ModeRow>), StudyError> {
     let spec = &scene.built().spec;
     let mut all: Vec<(ModeRow, Vec<f64>)> = sorted(scene)?
@@ -78,7 +78,7 @@ pub fn modes(scene: &Scene, highest: f64) -> Result<(Option<Figure>, Vec<ModeRow
     Ok((figure, all.into_iter().map(|(row, _)| row).collect()))
 }
 
-/// The modes of a scene by family: its letter, how often its frequencies are repeated, and the modes.
+/// Returns the modes of a scene by family: its letter, the multiplicity of its frequencies, and the modes.
 fn sorted(scene: &Scene) -> Result<Vec<(&'static str, usize, Modes)>, StudyError> {
     let spec = &scene.built().spec;
     let stiffness: DMatrix<f64> = bonded_stiffness(spec, None);
@@ -95,7 +95,7 @@ fn sorted(scene: &Scene) -> Result<Vec<(&'static str, usize, Modes)>, StudyError
     Ok(vec![("f", 1, natural_modes(&symmetric, &spec.mass).map_err(missing)?)])
 }
 
-/// The natural frequencies as a table.
+/// Returns the natural frequencies as a table.
 pub(in crate::study) fn listing(rows: &[ModeRow]) -> Table {
     let cells = |row: &ModeRow| {
         let shares = row.shares.iter().filter(|(_, share)| *share >= 0.05);
@@ -113,7 +113,7 @@ pub(in crate::study) fn listing(rows: &[ModeRow]) -> Table {
     Table::new(head).with(rows.iter().map(cells)).titled("Natural frequencies", note)
 }
 
-/// Energy shares, those of the freedoms of a stage in words and summed over alike planets, largest first.
+/// Returns energy shares, those of the freedoms of a stage in words and summed over equal planets, largest first.
 fn by_part(freedoms: &[String], shares: &[f64]) -> Vec<(String, f64)> {
     let mut parts: Vec<(String, f64)> = Vec::new();
     for (name, share) in freedoms.iter().zip(shares) {
@@ -141,9 +141,9 @@ fn by_part(freedoms: &[String], shares: &[f64]) -> Vec<(String, f64)> {
     parts
 }
 
-/// The train displaced in a mode.
+/// Draws the train displaced in a mode.
 fn panel(drawing: &Drawing, row: &ModeRow, shape: &[f64]) -> Panel {
-    // Alike gears share a colour, unless all are alike.
+    // Equal gears share a colour, unless all are equal.
     let mut names: Vec<&str> = drawing.gears.iter().map(|gear| family(&gear.name)).collect();
     names.dedup();
     let is_one = names.len() == 1;
@@ -152,7 +152,7 @@ fn panel(drawing: &Drawing, row: &ModeRow, shape: &[f64]) -> Panel {
     let radii = || drawing.gears.iter().map(|gear| gear.radius);
     let bodies = || drawing.gears.iter().zip(&moved);
     let largest = bodies().map(|(gear, [x, y, turn])| libm::hypot(*x, *y).max(gear.radius * turn.abs()));
-    // The largest displacement becomes a quarter of the smallest gear's radius.
+    // The largest displacement is drawn as a quarter of the smallest gear's radius.
     let scale = 0.25 * radii().fold(f64::INFINITY, f64::min) / largest.fold(f64::MIN_POSITIVE, f64::max);
     let mut series = Vec::new();
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);

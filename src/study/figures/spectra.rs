@@ -11,12 +11,12 @@ use crate::{
     study::{StudyError, steady},
 };
 
-/// Forces of one mesh of each family over a few mesh periods, and their spectra up to `highest`, Hz; the facts of each
+/// Draws forces of one mesh of each family over a few mesh periods, and their spectra up to `highest`, Hz; returns the facts of each
 /// family.
 pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Figure, Map<String, Value>), StudyError> {
     /// Mesh periods drawn.
     const SHOWN: usize = 4;
-    /// Enough for subharmonics to show.
+    /// Cycles of the spectrum, enough for subharmonics.
     const CYCLES: u64 = 16;
     const PER_CYCLE: u32 = 512;
 
@@ -45,7 +45,7 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
             ..Panel::default()
         });
         let lines = lines(&spectrum, highest);
-        // Bins between the lines of a periodic motion hold rounding only.
+        // Bins between the lines of a periodic motion contain rounding only.
         let floor = lines.iter().fold(0.0, |m: f64, l| m.max(l.1)) * 1e-6;
         let (frequency, amplitude): (Vec<f64>, Vec<f64>) = lines.into_iter().filter(|l| l.1 > floor).unzip();
         // Room for the names of the orders above the lines.
@@ -79,13 +79,13 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
     Ok((figure, by_name(facts)))
 }
 
-/// A number to about four digits, for titles.
+/// Returns a number to about four digits, for titles.
 fn short(value: f64) -> String {
     let digits = (3 - libm::log10(value.abs().max(1e-300)).floor() as i32).clamp(1, 6) as usize;
     format!("{value:.digits$}")
 }
 
-/// `f_m`, `2 f_m`, …
+/// Returns the name of an order: `f_m`, `2 f_m`, …
 fn order(h: u32) -> String {
     if h == 1 { "f_m".to_owned() } else { format!("{h} f_m") }
 }
@@ -96,8 +96,8 @@ struct Row {
     spectra: Vec<Spectrum>,
 }
 
-/// Levels of the mesh forces over frequency and speed, with order lines and the natural frequencies `natural` up to
-/// `highest`, Hz; the strongest line of each family over all speeds.
+/// Draws levels of the mesh forces over frequency and speed, with order lines and the natural frequencies `natural` up to `highest`, Hz.
+/// Returns the strongest line of each family over all speeds.
 pub fn waterfall(
     context: &Context<'_>,
     scene: &Scene,
@@ -107,9 +107,9 @@ pub fn waterfall(
 ) -> Result<(Figure, Map<String, Value>), StudyError> {
     const CYCLES: u64 = 48;
     const PER_CYCLE: u32 = 64;
-    /// Order lines drawn.
+    /// Number of order lines.
     const ORDERS: u32 = 4;
-    /// Cells along the frequency, and along the speed at most.
+    /// Cells along the frequency, and most cells along the speed.
     const CELLS: [usize; 2] = [300, 200];
     /// Width of a class, dB.
     const STEP: f64 = 6.0;
@@ -199,10 +199,11 @@ pub fn waterfall(
     Ok((figure, by_name(facts)))
 }
 
-/// Level of the strongest bin of a cell `wide` Hz wide, or of the nearest one, dB re 1; none beyond the spectrum, and of the mean.
+/// Returns the level of the strongest bin of a cell `wide` Hz wide, or of the nearest one, dB re 1; none beyond the spectrum, and for the
+/// mean.
 fn level(spectrum: &Spectrum, cell: usize, wide: f64) -> Option<f64> {
     let bin = |at: f64| at / spectrum.resolution;
-    // OK to convert: bins are few.
+    // Exact: bins are few.
     let first = bin(cell as f64 * wide).ceil() as usize;
     let end = bin((cell + 1) as f64 * wide).ceil() as usize;
     let inside = first.max(1)..end.max(1);

@@ -1,4 +1,4 @@
-//! Numbers of a study for which most of its claims are met.
+//! Fit of the numbers of a study to most of its claims.
 //!
 //! The numbers x, each a share of its range, are sought by the covariance matrix adaptation evolution strategy (CMA-ES; Hansen, 2016),
 //! which takes the least of
@@ -7,10 +7,10 @@
 //! f(x) = Σ losses of the claims that are fitted + Σ penalties of implausible numbers
 //! ```
 //!
-//! A number that is off by the share o loses `o/(o + o₁)`, `o₁` = 0.1, and so does a statement that says how far it is missed (`off`). Other
-//! statements lose 0 where they agree, 0.5 where they do in part, else 1. Claims that are held out, and those that contradict the source's own data, lose nothing. Outside of its plausible range a number
-//! pays `w²/4`, w the octaves it is outside. Where a plot cannot be made all of its claims lose 1. A trial is the mean over the numbers and
-//! copies of them that differ by a random share.
+//! A number that is off by the share o loses `o/(o + o₁)`, `o₁` = 0.1, as does a statement with a miss (`off`). Other statements lose 0 if
+//! they agree, 0.5 if they do in part, else 1. Claims that are held out, and those that contradict the source's own data, lose nothing. A
+//! number outside of its plausible range pays `w²/4`, w the octaves it is outside. If a plot cannot be made all of its claims lose 1. A
+//! trial is the mean over the numbers and copies of them that differ by a random share.
 
 mod question;
 mod result;
@@ -30,20 +30,20 @@ use serde::{Deserialize, Serialize};
 use super::{Context, Kind, StudyError, claims::Verdict, plan::Plan, steady::Rule};
 use crate::{orbit::Approach, task::Task};
 
-/// Share by which a number may be off at half of its loss.
+/// Relative difference of a number at half of its loss.
 const OFF: f64 = 0.1;
-/// Spread at which a search is over, and another one begins elsewhere.
+/// Spread at which a search ends, and another one begins elsewhere.
 const OVER: f64 = 1e-3;
-/// Cycles of a trial until its motion counts as irregular, and cycles of it that are measured then, if a trial has plots of its own.
+/// Cycles of a trial until its motion counts as irregular, and cycles measured then, if a trial has separate plots.
 const MOST_CYCLES: u64 = 48;
 const IRREGULAR_CYCLES: u64 = 24;
-/// Loss of numbers that make no train, for each claim.
+/// Loss of numbers without a valid train, for each claim.
 const NO_TRAIN: f64 = 2.0;
 
-/// Takes each trial when it is made.
+/// Callback for each trial.
 pub type Take<'t> = dyn FnMut(&Trial) -> Result<(), StudyError> + Send + 't;
 
-/// A claim of a study: its plot, and its number among the claims about that plot.
+/// Claim of a study: its plot, and its index among the claims about that plot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ClaimKey {
     pub kind: Kind,
@@ -53,27 +53,27 @@ pub(super) struct ClaimKey {
     pub is_held_out: bool,
 }
 
-/// One set of numbers, and how well the claims are met with it.
+/// Set of numbers, with the verdicts on the claims.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Trial {
-    /// The numbers, in the order of the question.
+    /// Values of the numbers, in the order of the question.
     pub values: Vec<f64>,
-    /// `f`.
+    /// Loss `f`.
     pub loss: f64,
-    /// Each claim: `a` agrees, `p` in part, `d` deviates, `-` cannot be judged.
+    /// Verdict on each claim: `a` agrees, `p` in part, `d` deviates, `-` cannot be judged.
     pub verdicts: String,
 }
 
-/// The claims of a study and the numbers that are sought.
+/// Claims of a study and the numbers that are fitted.
 pub struct Fit<'p> {
-    /// The study with the plots of a trial.
+    /// Study with the plots of a trial.
     plan: Plan,
-    /// The whole study.
+    /// Whole study.
     whole: &'p Plan,
     question: &'p Question,
     pub(super) claims: Vec<ClaimKey>,
-    /// Random copies of each trial, and the share by which their numbers differ.
+    /// Number of random copies of each trial, and the share by which their numbers differ.
     jitter: (usize, f64),
     seed: u64,
     /// Spread of the first trials, as a share of the ranges.
@@ -81,12 +81,12 @@ pub struct Fit<'p> {
 }
 
 impl<'p> Fit<'p> {
-    /// The claims and numbers of a study; each trial is judged with so many random copies of it too, whose numbers differ by up to a share. The first
-    /// trials lie within `spread` of the scenes' own numbers, a share of the ranges > 0.
+    /// Returns the fit of a study. Each trial is judged together with random copies, whose numbers differ by up to a share; `jitter` gives
+    /// both. The first trials lie within `spread` of the scenes' own numbers, a share of the ranges > 0.
     ///
     /// # Errors
-    /// [`StudyError::File`] if the study seeks no number or claims nothing, or if a number is in none of its scenes;
-    /// [`StudyError::Simulation`] if its own numbers, within their ranges, make no train.
+    /// [`StudyError::File`] if the study has no number to find or no claims, or if a number is in none of its scenes;
+    /// [`StudyError::Simulation`] if its own numbers, within their ranges, give no valid train.
     pub fn new(plan: &'p Plan, jitter: (usize, f64), seed: u64, spread: f64) -> Result<Self, StudyError> {
         let refused = |why: &str| StudyError::File(why.to_owned());
         let question = plan.question.as_ref().ok_or_else(|| refused("it has no \"fit\" with the numbers to find"))?;
@@ -100,7 +100,7 @@ impl<'p> Fit<'p> {
         Ok(Self { plan, whole, question, claims, jitter, seed, spread })
     }
 
-    /// Returns a text that two runs have in common if they may share trials.
+    /// Returns a text that is equal for two runs if they may share trials.
     #[must_use]
     pub fn identity(&self) -> String {
         format!(
@@ -117,10 +117,10 @@ impl<'p> Fit<'p> {
         )
     }
 
-    /// Tries `count` sets of numbers; those in `known` are not tried again. `take` has every trial in order.
+    /// Tries `count` sets of numbers; those in `known` are not tried again. Calls `take` with every trial in order.
     ///
     /// # Errors
-    /// [`StudyError::Interrupted`] once the task is cancelled, and what `take` returns.
+    /// [`StudyError::Interrupted`] once the task is cancelled, and errors of `take`.
     pub fn search(
         &self,
         count: usize,
@@ -146,7 +146,7 @@ impl<'p> Fit<'p> {
         Ok(search.trials.into_inner())
     }
 
-    /// One set of numbers.
+    /// Tries one set of numbers.
     ///
     /// # Errors
     /// [`StudyError::Interrupted`].
@@ -156,7 +156,7 @@ impl<'p> Fit<'p> {
             let moved = self.question.moved(values, self.jitter.1, self.seed, copy as u64);
             let (other, found) = self.judged(&moved, task)?;
             loss += other;
-            // A claim is met where it is so with all of them.
+            // A claim is met if it is met by all copies.
             verdicts = verdicts.into_iter().zip(found).map(|(one, other)| worse(one, other)).collect();
         }
         loss /= (self.jitter.0 + 1) as f64;
@@ -167,7 +167,7 @@ impl<'p> Fit<'p> {
         })
     }
 
-    /// Loss and verdicts of the claims.
+    /// Returns loss and verdicts of the claims.
     fn judged(&self, values: &[f64], task: Task<'_>) -> Result<(f64, Vec<char>), StudyError> {
         let mut verdicts = vec!['-'; self.claims.len()];
         let Ok(plan) = self.question.put(&self.plan, values) else {
@@ -188,7 +188,7 @@ impl<'p> Fit<'p> {
         for (kind, made) in made {
             let entry = match made {
                 Err(StudyError::Interrupted) => return Err(StudyError::Interrupted),
-                // A motion that cannot be found meets no claim.
+                // A failed motion meets no claim.
                 Err(_) => continue,
                 Ok(entry) => entry,
             };
@@ -214,18 +214,18 @@ impl<'p> Fit<'p> {
     }
 }
 
-/// Loss of a number that is off by a share.
+/// Returns the loss of a number that is off by a share.
 fn lost(off: f64) -> f64 {
     if off.is_finite() { off / (off + OFF) } else { 1.0 }
 }
 
-/// The worse one of two verdicts.
+/// Returns the worse one of two verdicts.
 fn worse(one: char, other: char) -> char {
     let rank = |letter: char| "apd-".find(letter);
     if rank(one) >= rank(other) { one } else { other }
 }
 
-/// A search that is going on.
+/// Running search.
 struct Search<'s, 'p> {
     fit: &'s Fit<'p>,
     count: usize,
@@ -235,7 +235,7 @@ struct Search<'s, 'p> {
     take: RefCell<&'s mut Take<'s>>,
 }
 
-/// Why a search ends.
+/// Reason for the end of a search.
 enum Stop {
     Enough,
     Failed(StudyError),

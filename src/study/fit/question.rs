@@ -1,4 +1,4 @@
-//! The numbers that a study seeks.
+//! Numbers that a study seeks.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -6,52 +6,52 @@ use serde_json::{Value, json};
 use super::super::{Kind, StudyError, file, plan::Plan};
 use crate::scene::SceneError;
 
-/// Octaves by which an implausible number pays at most: zero is infinitely many below a plausible range.
+/// Most octaves that an implausible number pays for: zero is infinitely many below a plausible range.
 const MOST_OCTAVES: f64 = 8.0;
 
-/// A number that is sought.
+/// Number that is sought.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Number {
     /// Its name.
     pub name: String,
-    /// JSON pointers of its places, which are the same in all scenes.
+    /// JSON pointers of its places, equal in all scenes.
     pub pointers: Vec<String>,
-    /// Scenes that have it; those with a number at the first place if none is named.
+    /// Scenes that have it; by default those with a number at the first place.
     #[serde(default)]
     pub scenes: Vec<String>,
-    /// Tells that it multiplies the scenes' own values.
+    /// True if it multiplies the scenes' own values.
     #[serde(default)]
     #[serde(rename = "factor")]
     pub is_factor: bool,
-    /// Smallest and largest value. If the smallest one is positive the number is sought in its logarithm.
+    /// Smallest and largest value. If the smallest one is positive the number has a logarithmic scale.
     pub between: [f64; 2],
-    /// Plausible values; all of them if left out.
+    /// Plausible values; all by default.
     pub plausible: Option<[f64; 2]>,
     /// Source of the plausible values.
     #[serde(default)]
     pub source: String,
 }
 
-/// A plot of a trial: at few values, from cold starts alone.
+/// Plot of a trial: at few values, from cold starts alone.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrialPlot {
     /// Its kind.
     #[serde(rename = "plot")]
     pub kind: Kind,
-    /// Loads or speeds; those of the study if left out.
+    /// Loads or speeds; those of the study by default.
     #[serde(default, deserialize_with = "file::values")]
     pub values: Option<Vec<f64>>,
 }
 
-/// The numbers that a study seeks.
+/// Numbers that a study seeks.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Question {
     /// The numbers.
     pub numbers: Vec<Number>,
-    /// Plots of a trial; those of the study, at all of their values, if none is named.
+    /// Plots of a trial; by default those of the study, at all of their values.
     #[serde(default)]
     pub plots: Vec<TrialPlot>,
     #[serde(skip)]
@@ -65,7 +65,7 @@ impl Number {
         self.between[0] > 0.0
     }
 
-    /// The value at a share of the range, exact at its ends.
+    /// Returns the value at a share of the range, exact at its ends.
     fn value(&self, share: f64) -> f64 {
         let [low, high] = self.between;
         match share {
@@ -76,7 +76,7 @@ impl Number {
         }
     }
 
-    /// The share of the range at a value.
+    /// Returns the share of the range at a value.
     pub(super) fn share(&self, value: f64) -> f64 {
         let [low, high] = self.between;
         let share = if self.is_logarithmic() {
@@ -87,7 +87,7 @@ impl Number {
         share.clamp(0.0, 1.0)
     }
 
-    /// The scenes of a study that have it, by their names.
+    /// Returns the scenes of a study that have it, by their names.
     fn places<'a>(&'a self, plan: &'a Plan) -> impl Iterator<Item = &'a str> {
         let has = |(name, scene): &&'a (String, crate::scene::Scene)| {
             let is_named = self.scenes.is_empty() || self.scenes.contains(name);
@@ -129,7 +129,7 @@ impl Question {
         self.numbers.iter().zip(x).map(|(number, share)| number.value(*share)).collect()
     }
 
-    /// Start of search number `search`: the values of the scenes, then points that fill the ranges evenly (Roberts, 2018).
+    /// Returns the start of search number `search`: the values of the scenes, then points that fill the ranges evenly (Roberts, 2018).
     pub(super) fn start(&self, plan: &Plan, search: u64) -> Vec<f64> {
         if search == 0 {
             let own = |number: &Number| {
@@ -145,12 +145,12 @@ impl Question {
         (0..self.numbers.len()).map(|j| (0.5 + search as f64 * phi.powi(-(j as i32 + 1))).fract()).collect()
     }
 
-    /// Tells that a trial makes this plot.
+    /// Returns whether a trial makes this plot.
     pub(in super::super) fn makes(&self, kind: Kind) -> bool {
         self.plots.is_empty() || self.plots.iter().any(|plot| plot.kind == kind)
     }
 
-    /// The study with the plots of a trial alone.
+    /// Returns the study with the plots of a trial alone.
     pub(super) fn coarse(&self, plan: &Plan) -> Plan {
         let mut plan = plan.clone();
         if self.plots.is_empty() {
@@ -167,7 +167,7 @@ impl Question {
         plan
     }
 
-    /// The study with the numbers in its scenes.
+    /// Returns the study with the numbers in its scenes.
     ///
     /// # Errors
     /// Faults of the first scene in which they make no train.

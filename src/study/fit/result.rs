@@ -1,4 +1,4 @@
-//! Result of a search: the best numbers, how far the claims determine them, and the claims that were never met together.
+//! Result of a search: the best numbers, their determination by the claims, and the claims that were never met together.
 
 use serde::Serialize;
 
@@ -9,25 +9,25 @@ use crate::{
     study::plan::Plan,
 };
 
-/// Trials in which a claim is met, from which on it counts as one that can be met.
+/// Least number of trials with a claim met for which the claim counts as one that can be met.
 const ALONE: usize = 10;
-/// Loss above the best one up to which numbers count as equally good: half a statement.
+/// Difference from the least loss within which numbers count as equally good: half a statement.
 const EQUAL: f64 = 0.5;
 
 /// Result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FitResult {
-    /// Sets that were tried.
+    /// Number of sets that were tried.
     pub trials: usize,
-    /// The least loss.
+    /// Least loss.
     pub loss: f64,
-    /// Numbers of fitted claims that agree, agree in part, deviate, and cannot be judged.
+    /// Counts of fitted claims that agree, agree in part, deviate, and cannot be judged.
     pub fitted: [usize; 4],
-    /// The same of claims that are held out.
+    /// The same counts of claims that are held out.
     pub held_out: [usize; 4],
-    /// The numbers.
+    /// Numbers of the best set.
     pub numbers: Vec<FoundNumber>,
-    /// The claims at the best numbers.
+    /// Claims with the best numbers.
     pub claims: Vec<Met>,
     /// Pairs of claims that were never met together.
     pub never_together: Vec<Excluded>,
@@ -35,7 +35,7 @@ pub struct FitResult {
     pub never: Vec<String>,
 }
 
-/// A number found.
+/// Number that was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FoundNumber {
     /// Its name.
@@ -50,24 +50,24 @@ pub struct FoundNumber {
     pub between: [f64; 2],
     /// Its plausible range, if it has one.
     pub plausible: Option<[f64; 2]>,
-    /// Tells that the value found is plausible.
+    /// True if the value found is plausible.
     pub is_plausible: bool,
     /// Source of the plausible values.
     pub source: String,
 }
 
-/// A claim, and in how many trials it was met.
+/// Claim, with the number of trials in which it was met.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Met {
     /// Its place in the source.
     pub place: String,
     /// Its quantity.
     pub quantity: String,
-    /// Tells that it was not fitted.
+    /// True if it was not fitted.
     pub held_out: bool,
-    /// `a` agrees, `p` in part, `d` deviates, `-` cannot be judged, with the best numbers.
+    /// Verdict with the best numbers: `a` agrees, `p` in part, `d` deviates, `-` cannot be judged.
     pub verdict: char,
-    /// Trials in which it agreed, or did in part.
+    /// Number of trials in which it agreed, or did in part.
     pub met: usize,
 }
 
@@ -76,7 +76,7 @@ pub struct Met {
 pub struct Excluded {
     /// The claims.
     pub claims: [String; 2],
-    /// Trials in which each was met.
+    /// Number of trials in which each was met.
     pub met: [usize; 2],
 }
 
@@ -141,13 +141,13 @@ impl FitResult {
         })
     }
 
-    /// The best set.
+    /// Returns the best set.
     #[must_use]
     pub fn values(&self) -> Vec<f64> {
         self.numbers.iter().map(|number| number.found).collect()
     }
 
-    /// Draws how far the claims determine each number: the loss of all trials over its value.
+    /// Draws the determination of each number by the claims: the loss of all trials over its value.
     #[must_use]
     pub fn figure(&self, fit: &Fit<'_>, trials: &[Trial]) -> Figure {
         let most = trials.iter().map(|trial| trial.loss).fold(0.0, f64::max);
@@ -184,13 +184,13 @@ impl FitResult {
     }
 }
 
-/// A range in words.
+/// Returns a range in words.
 fn words([low, high]: [f64; 2]) -> String {
     format!("{} to {}", five_digits(low), five_digits(high))
 }
 
 impl Fit<'_> {
-    /// The study with a set of numbers in its scenes; `None` where they make no train.
+    /// Returns the study with a set of numbers in its scenes; `None` if they give no valid train.
     #[must_use]
     pub fn study(&self, values: &[f64]) -> Option<Plan> {
         self.question.put(self.whole, values).ok()

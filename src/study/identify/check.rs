@@ -1,18 +1,18 @@
-//! Everything that can be wrong with a question, found before anything is computed from it.
+//! Faults of a question, found before anything is computed from it.
 
 use serde_json::Value;
 
 use super::{Parameter, Quantity, Target, fit::places, reading::Train};
 use crate::scene::{Fault, Scene};
 
-/// Where between its bounds a number is tried, beside the bounds: no round share, so that no range of whole numbers
-/// passes for one of numbers.
+/// Share of the range at which a number is tried, beside the bounds: no round share, so that no range of whole numbers is mistaken for one
+/// of numbers.
 const INSIDE: f64 = 0.618_034;
 
-/// The scene's own values of the parameters, or all that is wrong with parameters and targets.
+/// Returns the scene's values of the parameters, or all faults of parameters and targets.
 ///
 /// # Errors
-/// Every fault found, its place the parameter or target as it is written.
+/// Every fault, with the parameter or target as it is written as its place.
 pub fn check(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Result<Vec<f64>, Vec<Fault>> {
     let mut faults = Vec::new();
     let mut own = Vec::new();
@@ -45,7 +45,7 @@ pub fn check(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Res
     if faults.is_empty() { Ok(own) } else { Err(faults) }
 }
 
-/// The number at a pointer, or what is there instead and what there is to choose from.
+/// Returns the number at a pointer, or the fault with the possible choices.
 fn number_at(resolved: &Value, pointer: &str, place: &str) -> Result<f64, Fault> {
     let fault = |found: String, remedy: String| Fault::new(place, found, "a pointer to a number").remedy(remedy);
     let (mut value, mut path) = (resolved, String::new());
@@ -82,7 +82,7 @@ fn choices(place: &Value) -> String {
     }
 }
 
-/// Values between the bounds that make no scene.
+/// Returns the fault of values between the bounds that are invalid in the scene.
 fn outside(scene: &Scene, parameter: &Parameter, place: &str) -> Option<Fault> {
     let inside = parameter.low + INSIDE * (parameter.high - parameter.low);
     [parameter.low, parameter.high, inside].into_iter().find_map(|value| {
@@ -97,7 +97,7 @@ fn outside(scene: &Scene, parameter: &Parameter, place: &str) -> Option<Fault> {
     })
 }
 
-/// Targets that the scene, as it stands, does not have.
+/// Returns the faults of targets that the given scene does not have.
 fn unreadable(scene: &Scene, targets: &[Target]) -> Vec<Fault> {
     let train = Train::new(&scene.built().spec);
     let mut faults = Vec::new();

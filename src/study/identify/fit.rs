@@ -1,4 +1,4 @@
-//! The least-squares problem, and descents into its minima.
+//! Least-squares problem, and descents into its minima.
 
 use std::{cell::RefCell, convert::Infallible};
 
@@ -14,20 +14,20 @@ use super::{
 };
 use crate::scene::{Scene, Variant};
 
-/// Steps of the differences for `∂r/∂x`: with x a logarithm the truncation, `h²/6`, is about the rounding of a natural
+/// Step of the differences for `∂r/∂x`: with x a logarithm the truncation, `h²/6`, is about the rounding of a natural frequency over h.
 /// frequency over h.
 const STEP: f64 = 1e-5;
-/// A descent ends where `∂(χ²/2)/∂x`, times the distance to the bound it points to, is this small: that is the rounding
-/// of the differences where misfits of a few standard deviations are left.
+/// Bound of `∂(χ²/2)/∂x`, times the distance to the bound it points to, at which a descent ends. It is the rounding of the differences for
+/// misfits of a few standard deviations.
 const GRADIENT: f64 = 1e-5;
-/// It also ends where a step lowers χ² by less than this share.
+/// Relative decrease of χ² in a step below which a descent ends.
 const PROGRESS: f64 = 1e-8;
-/// Steps a descent may take; those that converge take a few tens.
+/// Most steps of a descent; those that converge take a few tens.
 const ITERATIONS: u64 = 100;
-/// A minimum this close to a bound, as a share of the range, is tried on the bound: the method stays off it.
+/// Distance from a bound, as a share of the range, within which a minimum is tried on the bound: the method avoids bounds.
 const AT_BOUND: f64 = 1e-4;
 
-/// The problem in coordinates x: `ln p` of numbers sought in their logarithm, the share of the range of others.
+/// Problem in coordinates x: `ln p` of numbers with a logarithmic scale, the share of the range of others.
 pub(super) struct Fit<'a> {
     pub scene: &'a Scene,
     pub parameters: &'a [Parameter],
@@ -36,20 +36,20 @@ pub(super) struct Fit<'a> {
     high: Vec<f64>,
 }
 
-/// Where a descent ended.
+/// End of a descent.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     /// Coordinates.
     pub x: Vec<f64>,
-    /// The targets as read there.
+    /// Values of the targets there.
     pub readings: Vec<Reading>,
     /// `Σ r²`.
     pub chi_square: f64,
-    /// Whether the descent came to rest there.
+    /// True if the descent came to rest there.
     pub converged: bool,
 }
 
-/// Every place of the parameters with its value.
+/// Returns every place of the parameters with its value.
 pub(super) fn places<'a>(parameters: &'a [Parameter], values: &[f64]) -> Vec<(&'a str, f64)> {
     let of = |(p, value): (&'a Parameter, &f64)| p.pointers.iter().map(|at| (at.as_str(), *value)).collect::<Vec<_>>();
     parameters.iter().zip(values).flat_map(of).collect()
@@ -61,7 +61,7 @@ impl<'a> Fit<'a> {
         Self { scene, parameters, targets, low: ends(|p| p.low), high: ends(|p| p.high) }
     }
 
-    /// Values at coordinates, exact on a bound.
+    /// Returns the values at coordinates, exact on a bound.
     pub fn values(&self, x: &[f64]) -> Vec<f64> {
         let value = |(i, p): (usize, &Parameter)| match x[i] {
             x if x <= self.low[i] => p.low,
@@ -72,14 +72,14 @@ impl<'a> Fit<'a> {
         self.parameters.iter().enumerate().map(value).collect()
     }
 
-    /// Coordinates of values, brought within the bounds.
+    /// Returns the coordinates of values, clipped to the bounds.
     pub fn clipped(&self, values: &[f64]) -> Vec<f64> {
         let inside = self.parameters.iter().zip(values).map(|(p, v)| coordinate(p, v.clamp(p.low, p.high)));
         inside.collect()
     }
 
-    /// Point k ≥ 1 of a sequence that fills the bounds evenly: shares `frac(½ + k φ⁻ʲ)` with φ the root of
-    /// `φ^{n+1} = φ + 1` (Roberts, 2018: the golden ratio in n dimensions).
+    /// Returns point k ≥ 1 of a sequence that fills the bounds evenly: shares `frac(½ + k φ⁻ʲ)` with φ the root of `φ^{n+1} = φ + 1`
+    /// (Roberts, 2018: the golden ratio in n dimensions).
     pub fn spread(&self, k: usize) -> Vec<f64> {
         let n = self.parameters.len() as f64;
         let phi = (0..64).fold(2.0f64, |phi, _| libm::pow(1.0 + phi, (n + 1.0).recip()));
@@ -87,13 +87,13 @@ impl<'a> Fit<'a> {
         (0..self.parameters.len()).map(|j| self.low[j] + share(j) * (self.high[j] - self.low[j])).collect()
     }
 
-    /// Largest difference of two points in any number, as a share of its range.
+    /// Returns the largest difference of two points in any number, as a share of its range.
     pub fn distance(&self, a: &Point, b: &Point) -> f64 {
         let share = |i: usize| (a.x[i] - b.x[i]).abs() / (self.high[i] - self.low[i]);
         (0..a.x.len()).map(share).fold(0.0, f64::max)
     }
 
-    /// Every target as read at these coordinates; none where the numbers make no train.
+    /// Returns the value of every target at these coordinates; none if the train is invalid.
     pub fn readings(&self, x: &[f64]) -> Option<Vec<Reading>> {
         self.readings_in(&mut Variant::new(self.scene), x)
     }
@@ -105,14 +105,14 @@ impl<'a> Fit<'a> {
         self.targets.iter().map(read).collect()
     }
 
-    /// Contacts whose stiffness depends on their load, by name.
+    /// Returns the names of contacts whose stiffness depends on their load.
     pub fn tangent_contacts(&self) -> Vec<String> {
         let frequencies = self.targets.iter().any(|target| !matches!(target.quantity, Quantity::Force(_)));
         let contacts = self.scene.built().spec.contacts.iter();
         contacts.filter(|contact| frequencies && !is_linear(contact)).map(|contact| contact.name.clone()).collect()
     }
 
-    /// The minimum a descent from `start` ends in; none if there is no train at the start.
+    /// Returns the minimum in which a descent from `start` ends; none if the train is invalid at the start.
     pub fn descend(&self, start: &[f64]) -> Option<Point> {
         self.readings(start)?;
         let method = TrustRegionReflective::new()
@@ -120,7 +120,7 @@ impl<'a> Fit<'a> {
             .with_relative_cost_change_tolerance(PROGRESS);
         let run = Executor::from_start(self.derivable(), method, start.to_vec());
         let ended = run.max_iter(ITERATIONS).run().ok()?;
-        // A step too small to change any number is rest too.
+        // A step too small to change any number counts as rest too.
         let converged = matches!(ended.report.termination, Termination::Converged(_) | Termination::Stalled(_));
         let mut point = self.point(ended.param(), converged)?;
         for i in 0..point.x.len() {
@@ -148,8 +148,7 @@ impl<'a> Fit<'a> {
         readings.iter().zip(self.targets).map(|(got, target)| (got.value - target.wanted) / target.sigma).collect()
     }
 
-    /// `∂r/∂x` `[targets × parameters]`, by central differences, one-sided at a bound; none beside points that are no
-    /// train.
+    /// Returns `∂r/∂x` `[targets × parameters]`, by central differences, one-sided at a bound; none beside points without a valid train.
     pub fn jacobian(&self, x: &[f64]) -> Option<DMatrix<f64>> {
         let Ok(jacobian) = self.derivable().jacobian(&x.to_vec());
         let jacobian = DMatrix::from_fn(self.targets.len(), self.parameters.len(), |i, j| jacobian.get(i, j));
@@ -172,7 +171,7 @@ fn coordinate(parameter: &Parameter, value: f64) -> f64 {
     }
 }
 
-/// The problem with a scene that is set anew at each trial and not copied.
+/// Problem with a scene that is changed in place at each trial.
 struct Trial<'a> {
     fit: &'a Fit<'a>,
     scene: RefCell<Variant<'a>>,
@@ -184,7 +183,7 @@ impl Residual for Trial<'_> {
     type Error = Infallible;
 
     fn residual(&self, x: &Vec<f64>) -> Result<Vec<f64>, Infallible> {
-        // The method takes a step back from where there is no train.
+        // The method steps back from points without a valid train.
         let Self { fit, scene } = self;
         let readings = fit.readings_in(&mut scene.borrow_mut(), x);
         Ok(readings.map_or(vec![f64::NAN; fit.targets.len()], |readings| fit.misfit(&readings)))

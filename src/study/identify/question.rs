@@ -1,16 +1,16 @@
-//! What is sought, and what it is sought from, as people write it.
+//! Parameters and targets of an identification, with their text forms.
 
 use std::{fmt, str::FromStr};
 
 use super::IdentifyError;
 use crate::{scene::Fault, train::planetary::Family};
 
-/// A number of a scene to be found, or several that are to be the same.
+/// Number of a scene to be found, or several with one value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
-    /// JSON pointers to the places it stands at, at least one; the first gives its start.
+    /// JSON pointers to its places, at least one; the first gives its start.
     pub pointers: Vec<String>,
-    /// Lower bound. If positive, the number is sought in its logarithm.
+    /// Lower bound. If positive, the number has a logarithmic scale.
     pub low: f64,
     /// Upper bound.
     pub high: f64,
@@ -23,13 +23,13 @@ impl fmt::Display for Parameter {
 }
 
 impl Parameter {
-    /// Its pointers, joined by commas.
+    /// Returns its pointers, joined by commas.
     #[must_use]
     pub fn name(&self) -> String {
         self.pointers.join(",")
     }
 
-    /// Whether it is sought in its logarithm.
+    /// Returns whether the number has a logarithmic scale.
     #[must_use]
     pub fn is_logarithmic(&self) -> bool {
         self.low > 0.0
@@ -39,7 +39,7 @@ impl Parameter {
 impl FromStr for Parameter {
     type Err = IdentifyError;
 
-    /// Reads `POINTER=LOW:HIGH` or, for numbers that are to be the same, `POINTER,POINTER=LOW:HIGH`.
+    /// Reads `POINTER=LOW:HIGH` or, for numbers with one value, `POINTER,POINTER=LOW:HIGH`.
     fn from_str(text: &str) -> Result<Self, IdentifyError> {
         let fault =
             |found: &str, remedy: &str| IdentifyError::from(Fault::new(text, found, "POINTER=LOW:HIGH").remedy(remedy));
@@ -59,21 +59,21 @@ impl FromStr for Parameter {
     }
 }
 
-/// Something that a train has and a measurement gives.
+/// Quantity of a train that a measurement gives.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// A natural frequency of a family, Hz: its different frequencies counted from 1, a free motion (0 Hz) included.
     Family(Family, usize),
     /// A natural frequency of any train, Hz: counted from 1, repeated ones as often as they occur.
     Mode(usize),
-    /// The natural frequency nearest to the wanted value, Hz.
+    /// Natural frequency nearest to the wanted value, Hz.
     Nearest,
-    /// The static force of a contact, by name, N.
+    /// Static force of a contact, by name, N.
     Force(String),
 }
 
 impl Quantity {
-    /// Its unit.
+    /// Returns its unit.
     #[must_use]
     pub fn unit(&self) -> &'static str {
         if matches!(self, Self::Force(_)) { "N" } else { "Hz" }
@@ -91,7 +91,7 @@ impl fmt::Display for Quantity {
     }
 }
 
-/// A value that a quantity should have.
+/// Wanted value of a quantity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// The quantity.
@@ -102,11 +102,11 @@ pub struct Target {
     pub sigma: f64,
 }
 
-/// Standard deviation of a target that states none, relative to its value.
+/// Default standard deviation of a target, relative to its value.
 const SIGMA: f64 = 0.01;
 
 impl Target {
-    /// A target with a standard deviation of 1 % of its value.
+    /// Returns a target with a standard deviation of 1 % of its value.
     #[must_use]
     pub fn new(quantity: Quantity, wanted: f64) -> Self {
         Self { quantity, wanted, sigma: SIGMA * wanted.abs() }
@@ -161,7 +161,7 @@ fn read_quantity(text: &str) -> Result<Quantity, String> {
     }
 }
 
-/// A number as people write it, to all its digits.
+/// Returns a number in its shortest exact form.
 fn short(number: f64) -> String {
     if number == 0.0 || (1e-3..1e6).contains(&number.abs()) { number.to_string() } else { format!("{number:e}") }
 }

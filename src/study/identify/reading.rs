@@ -12,7 +12,7 @@ use crate::{
     train::planetary::{FamilyModes, families},
 };
 
-/// A quantity that a train does not have: what it has instead, and what to do about it.
+/// Fault of a quantity that a train does not have, with what it has instead and a remedy.
 #[derive(Clone, Debug)]
 pub(super) struct Unreadable {
     pub found: String,
@@ -25,15 +25,15 @@ impl Unreadable {
     }
 }
 
-/// A value, and for the nearest frequency which one it is.
+/// Value of a quantity; for the nearest frequency also its name.
 #[derive(Clone, Debug)]
 pub(super) struct Reading {
     pub value: f64,
     pub matched: Option<String>,
 }
 
-/// A train, linear about its static equilibrium. Each part is solved when it is first asked for: a target that cannot
-/// be read must not keep others from being read.
+/// Train, linear about its static equilibrium. Each part is solved at its first use: a target that cannot be read must not prevent the
+/// reading of others.
 pub(super) struct Train<'a> {
     spec: &'a Spec,
     statics: OnceCell<Result<Equilibrium, Unreadable>>,
@@ -48,7 +48,7 @@ impl<'a> Train<'a> {
         Self { spec, statics, stiffness, modes: OnceCell::new(), families: OnceCell::new() }
     }
 
-    /// The value of a target's quantity.
+    /// Returns the value of a target's quantity.
     pub fn read(&self, target: &Target) -> Result<Reading, Unreadable> {
         let plain = |value| Reading { value, matched: None };
         match &target.quantity {
@@ -92,7 +92,7 @@ impl<'a> Train<'a> {
         self.statics.get_or_init(|| equilibrium(self.spec).map_err(unbalanced)).as_ref().map_err(Clone::clone)
     }
 
-    /// `K` with every contact closed, N/m: linear contacts at their mean stiffness, power laws at their tangent.
+    /// Returns `K` with every contact closed, N/m: linear contacts at their mean stiffness, power laws at their tangent.
     fn stiffness(&self) -> Result<&DMatrix<f64>, Unreadable> {
         let solve = || {
             if self.spec.contacts.iter().all(is_linear) {
@@ -100,7 +100,7 @@ impl<'a> Train<'a> {
             }
             let tangents = tangent_stiffness(self.spec, self.statics()?);
             match tangents.iter().position(|k| !k.is_finite() || *k <= 0.0) {
-                // A power-law contact that no load presses on has no stiffness.
+                // A power-law contact without load has no stiffness.
                 Some(j) => {
                     let name = &self.spec.contacts[j].name;
                     let found =
@@ -126,12 +126,12 @@ impl<'a> Train<'a> {
     }
 }
 
-/// Whether a contact's stiffness does not depend on its load.
+/// Returns whether a contact's stiffness does not depend on its load.
 pub(super) fn is_linear(contact: &ContactSpec) -> bool {
     matches!(contact.law, Law::Bilateral(_) | Law::KelvinVoigt(..))
 }
 
-/// The value with this number, counted from 1.
+/// Returns the value with this number, counted from 1.
 fn nth(values: &[f64], number: usize, what: &str) -> Result<f64, Unreadable> {
     values.get(number - 1).copied().ok_or_else(|| count(what, values.len()))
 }

@@ -1,4 +1,4 @@
-//! What an identification found.
+//! Result of an identification.
 
 use serde::Serialize;
 
@@ -9,24 +9,23 @@ use super::{
 };
 use crate::scene::{Scene, SceneError};
 
-/// What an identification found.
+/// Result of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
-    /// The numbers, in the order asked for.
+    /// Numbers, in the order of the question.
     pub parameters: Vec<Found>,
-    /// The targets, in the order given.
+    /// Targets, in the order given.
     pub targets: Vec<Met>,
-    /// `Σ ((got − wanted)/σ)²`.
+    /// Sum `Σ ((got − wanted)/σ)²`.
     pub chi_square: f64,
-    /// Whether the descent came to rest: the gradient vanishes, points out of a bound, or no step lowers χ².
+    /// True if the descent came to rest: the gradient vanishes, points out of a bound, or no step lowers χ².
     pub converged: bool,
     /// Relative change of each target for a relative change of each number, % per %, `[targets × numbers]`; none where
     /// the target is 0.
     pub sensitivity: Vec<Vec<Option<f64>>>,
-    /// What the targets determine, and what they leave open.
+    /// Directions that the targets determine or leave open.
     pub uniqueness: Uniqueness,
-    /// Different solutions of equal quality, the one reported first. Where the solution is not unique, points of a
-    /// continuum.
+    /// Different solutions of equal quality, the reported one first. If the solution is not unique, points of a continuum.
     pub solutions: Vec<Solution>,
     /// Descents that ended in poorer minima.
     pub poorer: usize,
@@ -36,12 +35,12 @@ pub struct Identification {
     pub tangent_contacts: Vec<String>,
 }
 
-/// A number found.
+/// Number that was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Found {
     /// Its places in the scene.
     pub pointers: Vec<String>,
-    /// Its value in the scene given.
+    /// Its value in the given scene.
     pub own: f64,
     /// Lower bound.
     pub low: f64,
@@ -49,10 +48,9 @@ pub struct Found {
     pub high: f64,
     /// Its value at the solution.
     pub found: f64,
-    /// The bound it lies on, if it does.
+    /// Bound on which it lies, if any.
     pub at_bound: Option<Side>,
-    /// Standard error that follows from the standard deviations of the targets, to first order; none for a number that
-    /// the targets do not determine.
+    /// Standard error from the standard deviations of the targets, to first order; none for a number that the targets do not determine.
     pub standard_error: Option<f64>,
 }
 
@@ -60,18 +58,18 @@ pub struct Found {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Side {
-    /// The lower one.
+    /// Lower bound.
     Low,
-    /// The upper one.
+    /// Upper bound.
     High,
 }
 
-/// A target and what became of it.
+/// Target with its value at the solution.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Met {
-    /// The quantity, as in the question.
+    /// Quantity, as in the question.
     pub quantity: String,
-    /// `Hz` or `N`.
+    /// Unit: `Hz` or `N`.
     pub unit: &'static str,
     /// The wanted value.
     pub wanted: f64,
@@ -79,25 +77,25 @@ pub struct Met {
     pub sigma: f64,
     /// The value at the solution.
     pub got: f64,
-    /// `got − wanted`.
+    /// Difference `got − wanted`.
     pub residual: f64,
-    /// `(got − wanted)/wanted`; none for a wanted 0.
+    /// Relative difference `(got − wanted)/wanted`; none for a wanted 0.
     pub relative_residual: Option<f64>,
-    /// Which natural frequency is the nearest one, where that was asked for.
+    /// Name of the nearest natural frequency, for a target of that kind.
     pub matched: Option<String>,
 }
 
 /// One of several solutions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Solution {
-    /// The numbers, in the order asked for.
+    /// Numbers, in the order of the question.
     pub values: Vec<f64>,
-    /// `Σ ((got − wanted)/σ)²`.
+    /// Sum `Σ ((got − wanted)/σ)²`.
     pub chi_square: f64,
 }
 
 impl Identification {
-    /// The first of `distinct` with all that is to be said about it; none where it has no derivatives.
+    /// Returns the first of `distinct` with its statistics; none if it has no derivatives.
     pub(super) fn new(fit: &Fit, own: &[f64], distinct: &[Point], poorer: usize, starts: usize) -> Option<Self> {
         let best = distinct.first()?;
         let (values, jacobian) = (fit.values(&best.x), fit.jacobian(&best.x)?);
@@ -151,7 +149,7 @@ impl Identification {
         })
     }
 
-    /// The scene with the numbers found written in.
+    /// Returns the scene with the found numbers.
     ///
     /// # Errors
     /// [`SceneError`] if this is not the scene they were found for.

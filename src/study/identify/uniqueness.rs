@@ -1,4 +1,4 @@
-//! What the targets determine, and what they leave open.
+//! Uniqueness of a solution: directions that the targets determine or leave open.
 
 use std::fmt;
 
@@ -7,62 +7,61 @@ use serde::Serialize;
 
 use super::Parameter;
 
-/// Singular values below this share of the largest are rounding: that of natural frequencies, some 1e-13, over the
-/// step of the differences, 1e-5, with room to spare.
+/// Share of the largest singular value below which one is rounding: that of natural frequencies, some 1e-13, over the step of the
+/// differences, 1e-5, with a margin.
 const RANK: f64 = 1e-6;
-/// A direction along which one standard deviation of the targets lets a number move by more than this is weak.
+/// Change of a number within one standard deviation of the targets above which a direction is weak.
 const WEAK: f64 = 0.5;
-/// Shares of a direction smaller than this are not worth a word.
+/// Share of a direction below which a number is not mentioned.
 const SMALL: f64 = 0.02;
-/// A number takes part in a free direction if its share is larger: null vectors carry the rounding of the Jacobian.
+/// Share above which a number takes part in a free direction: null vectors carry the rounding of the Jacobian.
 const TAKES_PART: f64 = 1e-4;
 
-/// How well the numbers are determined near the solution: by the singular values of `∂r/∂x` `[targets × numbers]`, with
-/// r in standard deviations and x the logarithms of the numbers (shares of their range where a bound is not positive).
+/// Determination of the numbers near the solution, by the singular values of `∂r/∂x` `[targets × numbers]`. Here r is in standard
+/// deviations and x are the logarithms of the numbers (shares of their range if a bound is not positive).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Uniqueness {
-    /// Numbers sought.
+    /// Count of the numbers to find.
     pub unknowns: usize,
-    /// Targets.
+    /// Count of the targets.
     pub targets: usize,
-    /// Directions that the targets see.
+    /// Count of directions that change the targets.
     pub rank: usize,
     /// Singular values, falling, one per number: standard deviations for a factor e (or the whole range).
     pub singular_values: Vec<f64>,
-    /// Directions that leave every target where it is, to first order. Each has one number of its own (the first).
+    /// Directions that change no target, to first order. Each has one number (the first) that no other has.
     pub free: Vec<Direction>,
-    /// Directions that the targets see, but little.
+    /// Directions that change the targets only a little.
     pub weak: Vec<Direction>,
-    /// Correlation of the numbers' errors; none beside a number that is not determined.
+    /// Correlation of the numbers' errors; none for a number that is not determined.
     pub correlation: Vec<Vec<Option<f64>>>,
 }
 
-/// Numbers that move together, the one that moves most first.
+/// Numbers that change together, the one that changes most first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Direction {
-    /// The numbers, at least one.
+    /// Changes of the numbers, at least one.
     pub moves: Vec<Move>,
-    /// How far the first may move within one standard deviation of the targets, to first order, %; none for a free
-    /// direction.
+    /// Change of the first number within one standard deviation of the targets, to first order, %; none for a free direction.
     pub within_sigma_percent: Option<f64>,
 }
 
-/// A number's part in a direction.
+/// Part of a number in a direction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Move {
     /// Pointers of the number.
     pub number: String,
-    /// How far it moves for 1 % of the first one, %.
+    /// Its change for 1 % of the first one, %.
     pub percent: f64,
-    /// Whether this is a share of its range, and not of its value.
+    /// True if this is a share of its range, and not of its value.
     pub of_range: bool,
 }
 
 impl Uniqueness {
-    /// From the Jacobian, with the variance of each coordinate it determines.
+    /// Returns the uniqueness from the Jacobian, with the variance of each coordinate that it determines.
     pub(super) fn new(jacobian: &DMatrix<f64>, parameters: &[Parameter]) -> (Self, Vec<Option<f64>>) {
         let (targets, unknowns) = jacobian.shape();
-        // Rows of zeros change nothing but make the decomposition give every direction.
+        // Rows of zeros make the decomposition return every direction, without other effect.
         let square = jacobian.clone().resize_vertically(targets.max(unknowns), 0.0);
         let svd = square.svd(false, true);
         let v = svd.v_t.map_or(DMatrix::zeros(unknowns, unknowns), |v_t| v_t.transpose());
@@ -88,7 +87,7 @@ impl Uniqueness {
         (Self { unknowns, targets, rank, singular_values, free, weak, correlation }, variances)
     }
 
-    /// Whether no direction is free.
+    /// Returns whether no direction is free.
     #[must_use]
     pub fn is_unique(&self) -> bool {
         self.rank == self.unknowns
@@ -107,7 +106,7 @@ impl Direction {
     }
 }
 
-/// The same space by columns that each have a number of their own: Gauss–Jordan elimination with complete pivoting.
+/// Returns the same space by columns that each have a separate number: Gauss–Jordan elimination with complete pivoting.
 fn echelon(mut space: DMatrix<f64>) -> DMatrix<f64> {
     let mut own: Vec<usize> = Vec::new();
     for i in 0..space.ncols() {
@@ -152,7 +151,7 @@ impl fmt::Display for Direction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let first = &self.moves[0];
         match self.within_sigma_percent {
-            // Beyond that, first order says no more than "far".
+            // Beyond 100 %, first order gives no number.
             Some(reach) if reach > 100.0 => write!(f, "{} by more than its own size", first.number)?,
             Some(reach) => write!(f, "{} by {reach:.0} %{}", first.number, of_range(first))?,
             None if self.moves.len() == 1 => return write!(f, "{} by any amount", first.number),

@@ -1,4 +1,4 @@
-//! The train of a recorded motion, moving.
+//! Animation of the train in a recorded motion.
 
 use super::{Shown, colour, state_name};
 use crate::{
@@ -7,16 +7,16 @@ use crate::{
     system::Flanks,
 };
 
-/// Frames of a cycle, and of an animation at most.
+/// Frames of a cycle, and most frames of an animation.
 const FRAMES: usize = 100;
 const MOST_FRAMES: usize = 400;
-/// Contacts of an animation.
+/// Most contacts of an animation.
 const GAUGES: usize = 8;
-/// The largest motion beside the mean turning is drawn as this share of the train's size.
+/// Share of the train's size at which the largest motion beside the mean rotation is drawn.
 const DRAWN: f64 = 0.015;
 
 impl Shown {
-    /// The train over a period of its motion; of a motion without one over a cycle, without forcing over the run.
+    /// Returns the train over a period of its motion; over a cycle without a period, over the run without forcing.
     pub fn animation(&self) -> Option<Animation> {
         let r = &self.recording;
         let structure = &self.simulation.structure;
@@ -60,7 +60,7 @@ impl Shown {
             largest.fold(0.0, f64::max)
         };
         let largest = gears.iter().map(moved).fold(0.0, f64::max);
-        // A round number that is told.
+        // A round number, which the caption states.
         let factor = if largest > 0.0 { round_down(DRAWN * size / largest) } else { 1.0 };
         gears.iter_mut().flat_map(|g| &mut g.motion).for_each(|m| m.iter_mut().for_each(|part| *part *= factor));
         let mut states: Vec<(String, usize)> = Vec::new();
@@ -119,7 +119,7 @@ impl Shown {
     }
 }
 
-/// The largest of 1, 2, 5, 10, … that is not above a number > 0.
+/// Returns the largest of 1, 2, 5, 10, … that is not above a number > 0.
 fn round_down(value: f64) -> f64 {
     let power = libm::pow(10.0, libm::floor(libm::log10(value)));
     [5.0, 2.0].into_iter().map(|step| step * power).find(|step| *step <= value).unwrap_or(power)

@@ -14,19 +14,19 @@ use crate::{
 
 /// Cycles drawn as a curve in phase space.
 const CURVE: u64 = 16;
-/// Contacts drawn: the first of as many families.
+/// Most contacts drawn: the first ones of their families.
 const MOST: usize = 4;
-/// Highest order of a spectrum, and smallest amplitude drawn, of the largest.
+/// Highest order of a spectrum, and smallest amplitude drawn, relative to the largest.
 const HIGHEST: f64 = 24.0;
 const SMALLEST: f64 = 1e-9;
 
 impl Shown {
-    /// The figures, in the order of the page.
+    /// Returns the figures, in the order of the page.
     pub fn figures(&self) -> impl Iterator<Item = Figure> {
         [self.states(), self.deflections(), self.impacts(), self.portraits(), self.spectra()].into_iter().flatten()
     }
 
-    /// Numbers and names of the contacts drawn one by one.
+    /// Returns indices and names of the contacts drawn one by one.
     fn contacts(&self) -> Vec<(usize, String)> {
         let name = |(j, _)| (j, self.simulation.structure.contact_name(j).to_owned());
         representatives(&self.simulation).into_iter().take(MOST).map(name).collect()
@@ -42,17 +42,17 @@ impl Shown {
         }
     }
 
-    /// Samples of a cycle.
+    /// Returns the samples per cycle.
     pub fn per_cycle(&self) -> usize {
         self.recording.per_cycle as usize
     }
 
-    /// End of what is drawn against time, s, and the number of samples up to there.
+    /// Returns the end of curves over time, s, and the number of samples up to there.
     fn until(&self) -> (f64, usize) {
         let samples = self.recording.t.len();
         match self.cycles {
             Some(cycles) => {
-                // A long period is not cut, nor a cycle of all forcing.
+                // A long period, or a cycle of all forcing, is not cut.
                 let period = self.motion.as_ref().and_then(|motion| motion.period).unwrap_or(1);
                 let most = if self.simulation.periods_per_cycle() > SHOWN { 1 } else { SHOWN.max(period.min(CURVE)) };
                 let cycles = cycles.min(most);
@@ -67,7 +67,7 @@ impl Shown {
         Axis::new("time", unit).between(0.0, factor * self.until().0)
     }
 
-    /// The state of every contact over time.
+    /// Draws the state of every contact over time.
     fn states(&self) -> Option<Figure> {
         let (factor, end) = (self.units.time.0, self.until().0);
         let spells = &self.recording.spells;
@@ -115,7 +115,7 @@ impl Shown {
         }
     }
 
-    /// Deflections within the backlash.
+    /// Draws the deflections within the backlash.
     fn deflections(&self) -> Option<Figure> {
         let (time, length) = (self.units.time.0, self.units.length);
         let count = self.until().1;
@@ -149,7 +149,7 @@ impl Shown {
         (!panels.is_empty()).then(|| self.figure("deflection", "Deflection within the backlash", caption, panels))
     }
 
-    /// Approach speeds against the phase.
+    /// Draws approach speeds over the phase.
     fn impacts(&self) -> Option<Figure> {
         let speed = if self.simulation.dimensionless { (1.0, "") } else { (1e3, "mm/s") };
         let x = match self.cycles {
@@ -186,7 +186,7 @@ impl Shown {
         })
     }
 
-    /// Phase portraits with their section.
+    /// Draws phase portraits with their section.
     fn portraits(&self) -> Option<Figure> {
         let structure = &self.simulation.structure;
         let (length, n) = (self.units.length, structure.freedoms());
@@ -197,7 +197,7 @@ impl Shown {
             None => t.len(),
         };
         let panel = |(j, name): (usize, String)| {
-            // Rate of gᵀq: that of the deflection without the error's.
+            // Rate of gᵀq: that of the deflection without the rate of the error.
             let g = &structure.spec().contacts[j].direction;
             let state = |i: usize, from: usize| (0..n).fold(0.0, |sum, k| sum + g[k] * self.recording.x[from + k][i]);
             let point = |i: usize| (length.0 * state(i, 0), speed.0 * state(i, n));
@@ -228,7 +228,7 @@ impl Shown {
         })
     }
 
-    /// Spectra of the dynamic transmission error.
+    /// Draws spectra of the dynamic transmission error.
     fn spectra(&self) -> Option<Figure> {
         let (motion, cycles) = (self.motion.as_ref()?, self.cycles?);
         let structure = &self.simulation.structure;

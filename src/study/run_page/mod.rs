@@ -1,4 +1,4 @@
-//! The page of a run: the motion that it comes to.
+//! Page of a run: the motion that it reaches.
 
 mod animation;
 mod figures;
@@ -26,7 +26,7 @@ use crate::{
 /// Names of the figures that a page may have.
 pub const FIGURES: [&str; 5] = ["states", "deflection", "impacts", "phase-portrait", "spectrum"];
 
-/// Samples of a cycle, and at least of a period of the scene's clock.
+/// Samples per cycle, and least number per period of the scene's clock.
 const PER_CYCLE: u32 = 300;
 const PER_PERIOD: u32 = 64;
 /// Cycles of a motion without a period.
@@ -35,16 +35,16 @@ const IRREGULAR: u64 = 200;
 const LONGEST_CYCLE: u64 = 100;
 /// Samples of a run without forcing.
 const SAMPLES: f64 = 4000.0;
-/// Cycles of a run by which the motion goes on at most.
+/// Longest continuation of the motion, in cycles of the run.
 const LONGER: u64 = 5;
-/// Cycles that it takes to decide the kind of a motion without an orbit, at least.
+/// Least number of cycles for a decision on the kind of a motion without an orbit.
 const WATCHED: u64 = 2000;
-/// The same where a cycle is several periods of the scene's clock.
+/// The same number if a cycle has several periods of the scene's clock.
 const WATCHED_CYCLES: u64 = 200;
-/// Cycles drawn against time.
+/// Cycles drawn over time.
 const SHOWN: u64 = 4;
 
-/// An impact of the recorded motion.
+/// Impact of the recorded motion.
 struct Impact {
     contact: usize,
     side: f64,
@@ -54,7 +54,7 @@ struct Impact {
     speed: f64,
 }
 
-/// The recorded motion of a run.
+/// Recorded motion of a run.
 struct Shown {
     simulation: Simulation,
     recording: Recording,
@@ -65,10 +65,10 @@ struct Shown {
     units: Units,
 }
 
-/// The page of a run that ended in `end`: the motion that it comes to, beside what was measured.
+/// Returns the page of a run that ended in `end`: the motion that it reaches, beside the measures.
 ///
-/// With forcing, the motion goes on from `end` until its kind is decided, as in a sweep, and is then recorded: over whole periods, or over 200 cycles
-/// without a period. Without forcing, the run itself is recorded once more.
+/// With forcing, the motion continues from `end` until its kind is decided, as in a sweep. It is then recorded over whole periods, or over
+/// 200 cycles without a period. Without forcing, the run itself is repeated for the record.
 ///
 /// # Errors
 /// [`StudyError`] if the motion cannot be followed.
@@ -102,7 +102,7 @@ pub fn page(simulation: &Simulation, summary: &Summary, end: &State, task: Task<
 
 fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Result<Shown, StudyError> {
     let clock = *simulation.clock();
-    // A page takes some times as long as its run: the motion goes on for a few times as many cycles at most.
+    // A page takes a few times as long as its run: the continuation is limited accordingly.
     let most = LONGER * (end.at.cycle - simulation.instants()[0].cycle).max(1).unsigned_abs();
     let mut engine = simulation.engine(end.clone())?;
     if end.at.phase.value() != 0.0 {
@@ -112,7 +112,7 @@ fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Resul
     drop(engine);
     let seed = Seed::of(&simulation.structure, &end);
     let mut simulation = simulation.clone();
-    // A cycle is one of all forcing from there on, unless that is very long.
+    // From there on, a cycle is one of all forcing, unless that is very long.
     simulation.settings.start_cycle = u64::try_from(end.at.cycle).unwrap_or_default();
     if simulation.structure.common_cycle().is_ok_and(|periods| periods <= LONGEST_CYCLE) {
         simulation = simulation.in_common_cycles()?;
@@ -120,14 +120,14 @@ fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Resul
     let periods = simulation.periods_per_cycle();
     let mut rule = Rule::default();
     rule.approach.most_cycles = rule.approach.most_cycles.min(most);
-    // Fewer cycles decide nothing: the motion is then told to be undecided.
+    // Fewer cycles do not decide: the motion is then reported as undecided.
     rule.decides = most >= WATCHED.max(WATCHED_CYCLES * periods);
     rule.watched_cycles = Some(most);
     let (mut engine, motion, _) = settled(&simulation, Some(&seed), &rule, task)?;
     let irregular = (IRREGULAR.min(most) / periods).max(SHOWN);
     let cycles = motion.period.map_or(irregular, |period| SHOWN.next_multiple_of(period));
     let start = engine.state().clone();
-    // OK to convert: a cycle has few periods.
+    // Exact: a cycle has few periods.
     let per_cycle = PER_CYCLE.max(PER_PERIOD * periods as u32);
     let recording = record(&simulation, &mut engine, cycles, per_cycle)?;
     let impacts = impacts(&simulation, start, engine.state().at)?;
@@ -147,7 +147,7 @@ fn whole_run(simulation: &Simulation, end: &State) -> Result<Shown, StudyError> 
     Ok(Shown { simulation: simulation.clone(), recording, impacts, cycles: None, motion: None, units })
 }
 
-/// The impacts of the motion from `start` on.
+/// Returns the impacts of the motion from `start` on.
 fn impacts(simulation: &Simulation, start: State, end: Instant) -> Result<Vec<Impact>, StudyError> {
     let structure = &simulation.structure;
     let (period, from) = (simulation.period().ok(), simulation.clock().time(start.at).value());
@@ -174,7 +174,7 @@ fn impacts(simulation: &Simulation, start: State, end: Instant) -> Result<Vec<Im
     Ok(impacts)
 }
 
-/// Number of the colour of a contact's state among those of tiles: the same in all figures.
+/// Returns the index of the tile colour of a contact's state: the same in all figures.
 fn colour(mode: ContactMode) -> usize {
     match mode {
         ContactMode::Separated => 6,
@@ -194,7 +194,7 @@ fn state_name(mode: ContactMode) -> &'static str {
 }
 
 impl Shown {
-    /// Says of which kind the motion is, sentence by sentence.
+    /// Returns the kind of the motion, sentence by sentence.
     fn words(&self) -> Vec<String> {
         let mut lines = Vec::new();
         if let Some(motion) = &self.motion {

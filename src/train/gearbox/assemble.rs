@@ -20,7 +20,7 @@ use crate::{
     },
 };
 
-/// Freedoms of a shaft among all: x, y, u, w.
+/// Number of degrees of freedom of a shaft: x, y, u, w.
 const OF_SHAFT: usize = 4;
 const ROTATION: usize = 2;
 const AXIAL: usize = 3;
@@ -55,7 +55,7 @@ impl Gearbox {
         radii.into_iter().enumerate().map(|(i, r)| r.or_else(|| of_gears(i, true)).unwrap_or(1.0)).collect()
     }
 
-    /// Freedoms, all of them: shafts one by one, then the rotations of loose gears.
+    /// All degrees of freedom: shafts one by one, then the rotations of loose gears.
     fn freedoms(&self) -> Vec<String> {
         let of_shaft = |shaft: &super::Shaft| {
             let plane = if shaft.carried.is_some() { ["xi", "eta"] } else { ["x", "y"] };
@@ -65,7 +65,7 @@ impl Gearbox {
         self.shafts.iter().flat_map(of_shaft).chain(loose).collect()
     }
 
-    /// Place of the rotation of a gear, and metres on its base circle for a unit of that freedom.
+    /// Index of the rotation of a gear, and metres on its base circle per unit of that degree of freedom.
     fn rotation(&self, gear: usize, base_radius: f64, radii: &[f64]) -> (usize, f64) {
         let shaft = self.gears[gear].shaft;
         if self.gears[gear].is_loose {
@@ -76,10 +76,10 @@ impl Gearbox {
         (OF_SHAFT * shaft + ROTATION, lever)
     }
 
-    /// The gearbox in the common form, with the meshes in the order of its own; their phases are those of the layout.
+    /// Returns the gearbox in the common form, with the given meshes in order; their phases are those of the layout.
     ///
-    /// Freedoms are x, y, u and w of each shaft, as far as it has them (ξ and η of a carried one), then u of each loose gear. A shaft that
-    /// moves by a given motion has no u. `u = r θ` with the radius of [`radii`](Self::radii), of a loose gear its base radius.
+    /// Degrees of freedom are x, y, u and w of each shaft, as far as it has them (ξ, η if carried), then u of each loose gear. A shaft with
+    /// a given motion has no u. The radius of `u = r θ` is that of [`radii`](Self::radii), for a loose gear its base radius.
     ///
     /// # Errors
     /// [`TrainError`] for values outside their ranges or a standing train with varying meshes.
@@ -97,7 +97,7 @@ impl Gearbox {
         Ok(Spec { shared: self.shared(layout), ..impose(spec, &motions) })
     }
 
-    /// The gearbox as a picture shows it.
+    /// Returns the drawing of the gearbox.
     #[must_use]
     pub fn drawing(&self, layout: &Layout) -> Drawing {
         let (all, radii) = (self.freedoms(), self.radii(layout));
@@ -196,7 +196,7 @@ impl Gearbox {
             let [a, b] = coupling.shafts;
             let across =
                 |k: usize, scale: [f64; 2]| one(&[(OF_SHAFT * a + k, scale[0]), (OF_SHAFT * b + k, -scale[1])]);
-            // An end that is no freedom does not give way.
+            // An end that is no degree of freedom is rigid.
             let reduced = |k: usize, own: &dyn Fn(usize) -> f64| {
                 let [x, y] = coupling.shafts.map(|i| if self.moves(i, k) { own(i) } else { FRAME });
                 x * y / (x + y)
@@ -217,7 +217,7 @@ impl Gearbox {
             assembly.mass[(row, row)] += gear.inertia / (base * base);
         }
         for (part, drag) in self.drags() {
-            // Rows of the body and of what the friction acts against, and their radii.
+            // Rows of the body and of the partner of the friction, and their radii.
             let shaft = |i: usize| (OF_SHAFT * i + ROTATION, radii[i]);
             let (own, other) = match part {
                 Part::Gear(i) if self.gears[i].is_loose => {
@@ -312,7 +312,7 @@ impl Gearbox {
         Ok(())
     }
 
-    /// Tells that freedom `k` of shaft `i` is kept.
+    /// Returns whether degree of freedom `k` of shaft `i` is kept.
     fn moves(&self, i: usize, k: usize) -> bool {
         match k {
             ROTATION => self.turns(i),
@@ -321,7 +321,7 @@ impl Gearbox {
         }
     }
 
-    /// The freedoms that are kept, the given motions by their places behind them, and P of `q_all = P q`.
+    /// Returns the kept degrees of freedom, the given motions with their indices after them, and P of `q_all = P q`.
     fn projection(
         &self,
         layout: &Layout,
@@ -344,7 +344,7 @@ impl Gearbox {
         }
         let mut p = DMatrix::zeros(all.len(), kept.len());
         kept.iter().enumerate().for_each(|(column, row)| p[(*row, column)] = 1.0);
-        // A carried centre that is not free follows its carrier.
+        // A carried centre without a support follows its carrier.
         for (i, shaft) in self.shafts.iter().enumerate() {
             let Some(carried) = shaft.carried else { continue };
             let mut follow = |row: usize, from: &[(usize, f64)]| {

@@ -9,14 +9,14 @@ pub(super) type Speed = Ratio<i128>;
 /// A condition `Σ c ω = value` on speeds.
 #[derive(Clone, Debug)]
 pub(super) struct Condition {
-    /// Its name in messages.
+    /// Name of the condition in messages.
     pub name: String,
     /// Numbers of the bodies and their coefficients.
     pub terms: Vec<(usize, i128)>,
     pub value: i128,
 }
 
-/// Cause for which conditions do not give the speeds.
+/// Reason for which conditions do not determine the speeds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Undetermined {
     /// No condition fixes these bodies.
@@ -27,8 +27,8 @@ pub(super) enum Undetermined {
     Range,
 }
 
-/// The conditions reduced as far as they go (Gauss and Jordan). A row holds the coefficients, the value, and the multiple of each given
-/// condition that it consists of.
+/// Conditions in reduced form (Gauss and Jordan). A row has the coefficients, the value, and the multiples of the given conditions that it
+/// consists of.
 struct Elimination {
     rows: Vec<Vec<Speed>>,
     bodies: usize,
@@ -46,7 +46,7 @@ impl Elimination {
         Self { rows: conditions.iter().enumerate().map(row).collect(), bodies }
     }
 
-    /// Brings the rows to reduced form: the row that determines each body, if any.
+    /// Reduces the rows; returns the row that determines each body, if any.
     fn run(&mut self) -> Option<Vec<Option<usize>>> {
         let mut next = 0;
         let mut pivots = vec![None; self.bodies];
@@ -72,7 +72,7 @@ impl Elimination {
     }
 }
 
-/// The speeds of `bodies` bodies.
+/// Computes the speeds of `bodies` bodies.
 pub(super) fn speeds(bodies: usize, conditions: &[Condition]) -> Result<Vec<Speed>, Undetermined> {
     let mut elimination = Elimination::new(bodies, conditions);
     let pivots = elimination.run().ok_or(Undetermined::Range)?;
@@ -81,7 +81,7 @@ pub(super) fn speeds(bodies: usize, conditions: &[Condition]) -> Result<Vec<Spee
         let used = row[bodies + 1..].iter().enumerate().filter(|(_, multiple)| !multiple.is_zero());
         return Err(Undetermined::Contradiction(used.map(|(i, _)| i).collect()));
     }
-    // A body is determined where its row names no other one.
+    // A body is determined if its row contains no other one.
     let alone = |row: usize| elimination.rows[row][..bodies].iter().filter(|x| !x.is_zero()).count() == 1;
     let free: Vec<usize> = (0..bodies).filter(|body| !pivots[*body].is_some_and(alone)).collect();
     if !free.is_empty() {

@@ -1,4 +1,4 @@
-//! Speeds, centres and teeth of a gearbox: everything that follows from its tooth numbers and its geometry.
+//! Speeds, centres and teeth of a gearbox, from its tooth numbers and its geometry.
 
 use std::f64::consts::TAU;
 
@@ -11,9 +11,9 @@ use super::{
 };
 use crate::gear::{MeshGeometry, MeshKind};
 
-/// Centre distances may differ from those without play by this share of a module: allowances of teeth and centres are smaller.
+/// Largest difference of a centre distance from that without play, in modules: allowances of teeth and centres are smaller.
 const PLAY: f64 = 0.1;
-/// Directions are equal to rounding of the numbers in a scene, rad.
+/// Rounding of directions in a scene, rad.
 const SAME_DIRECTION: f64 = 1e-6;
 
 /// A mesh in place.
@@ -27,7 +27,7 @@ pub struct Line {
     pub pitch: f64,
     /// Sense in which the pinion pushes the wheel on the drive flank: 1 counter-clockwise, −1 clockwise.
     pub sense: f64,
-    /// Sense in which the pinion turns, seen from what carries the mesh; with a driving pinion the same.
+    /// Sense of rotation of the pinion in the frame of the mesh; equal to `sense` if the pinion drives.
     pub turning: f64,
     /// Hand of the pinion, 1 right, −1 left.
     pub hand: f64,
@@ -82,14 +82,14 @@ impl Layout {
         self.lines.iter().find_map(of)
     }
 
-    /// A speed in rad/s. Its ratio to another one is exact to rounding.
+    /// Speed in rad/s. The ratio of two speeds is exact to rounding.
     pub(super) fn rate(&self, speed: Speed) -> f64 {
         self.omega * ratio(speed)
     }
 }
 
 impl Gearbox {
-    /// The shaft that carries the axis of a gear around another one, of two gears in mesh.
+    /// Shaft that carries the axis of one of two gears in mesh around the other.
     pub(super) fn frame_of(&self, gears: [usize; 2]) -> Option<usize> {
         gears.iter().find_map(|gear| self.shafts[self.gears[*gear].shaft].carried).map(|(carrier, _)| carrier)
     }
@@ -97,8 +97,8 @@ impl Gearbox {
     /// Speeds, centres, hands and phases.
     ///
     /// # Errors
-    /// All that cannot be: trains that are undetermined, over-determined or contradictory, centre distances that do not close, hands
-    /// that do not match, teeth that do not fit.
+    /// Returns all faults: trains that are undetermined, over-determined or contradictory, centre distances that do not close, hands that
+    /// do not match, teeth that do not fit.
     pub fn layout(&self) -> Result<Layout, Vec<GearboxFault>> {
         let mut faults = Vec::new();
         let speeds = self.solve_speeds().map_err(|found| faults.extend(found));
@@ -112,7 +112,7 @@ impl Gearbox {
             let carrier = self.frame_of(line.gears).map_or_else(Speed::zero, |carrier| shafts[carrier]);
             let turning = gears[pinion] - carrier;
             line.turning = if turning.is_negative() { -1.0 } else { 1.0 };
-            // A wheel that drives pushes the pinion forward, so the pinion pushes it back.
+            // A driving wheel pushes the pinion forward, so the pinion pushes it back.
             line.sense = if mesh.gears[0] == wheel { -line.turning } else { line.turning };
             line.orders = turning.abs() * Speed::from(i128::from(self.gears[pinion].teeth.teeth));
             line.hand = match hands[pinion] {
@@ -180,7 +180,7 @@ impl Gearbox {
         let solved = match speeds(bodies, &conditions) {
             Ok(solved) => solved,
             Err(Undetermined::Free(free)) => {
-                // A gear that is fixed to a free shaft says nothing new.
+                // A gear fixed to a free shaft adds no condition.
                 let own = |i: &&usize| i.checked_sub(self.shafts.len()).is_none_or(|gear| self.gears[gear].is_loose);
                 let names: Vec<&str> = free.iter().filter(own).map(|i| of_body(*i).1).collect();
                 let found = format!("nothing that determines the speed of {}", names.join(", "));
@@ -218,13 +218,13 @@ impl Gearbox {
             ));
         }
         let (shafts, gears) = solved.split_at(self.shafts.len());
-        // A negative speed turns everything the other way.
+        // A negative speed reverses everything.
         let rpm = self.shafts[driver].rpm.unwrap_or(0.0);
         let turned = |speeds: &[Speed]| speeds.iter().map(|v| if rpm < 0.0 { -*v } else { *v }).collect();
         Ok((rpm.abs() * TAU / 60.0, turned(shafts), turned(gears)))
     }
 
-    /// Hands of all gears: partners have opposite hands, in a ring the same. Right is the first of those that nothing decides.
+    /// Hands of all gears: opposite for partners, equal in a ring mesh. The first undetermined hand is right.
     fn hands(&self) -> Result<Vec<Hand>, Vec<GearboxFault>> {
         let mut hands: Vec<Option<Hand>> = self.gears.iter().map(|gear| gear.hand).collect();
         let partner = |mesh: &super::GearMesh, hand: Hand| {
@@ -268,7 +268,7 @@ impl Gearbox {
         if faults.is_empty() { Ok(hands) } else { Err(faults) }
     }
 
-    /// Centres of the shafts, and the meshes where they stand; senses, hands and phases are set later.
+    /// Places the shafts and the meshes; senses, hands and phases are set later.
     fn place(&self) -> Result<Placed, Vec<GearboxFault>> {
         let mut faults = Vec::new();
         let free: Vec<Option<MeshGeometry>> = (0..self.meshes.len())
@@ -336,7 +336,7 @@ impl Gearbox {
             let is_from_pinion = free[i].kind == MeshKind::Internal && gears[0] == mesh.gears[0];
             let written = mesh.angle.unwrap_or(direction);
             let pitch = if is_from_pinion { turned_back(written) } else { written };
-            // In the axes of every planet of a stage the mesh then lies the same, to the last bit.
+            // The mesh is then the same in the axes of every planet of a stage, to the last bit.
             let carried = mesh.gears.iter().filter_map(|gear| self.shafts[self.gears[*gear].shaft].carried);
             let pitch = carried.map(|(_, psi)| psi).find(|psi| is_rounding(psi - pitch)).unwrap_or(pitch);
             lines.push(Line {
@@ -353,7 +353,7 @@ impl Gearbox {
         if faults.is_empty() { Ok((centres, lines)) } else { Err(faults) }
     }
 
-    /// A gear of mesh `i` that has another rack in a mesh before.
+    /// Reports a gear of mesh `i` that has another rack in an earlier mesh.
     fn second_rack(&self, i: usize, mesh: &super::GearMesh) -> Option<GearboxFault> {
         let teeth = |mesh: &super::GearMesh| [mesh.rack.module, mesh.rack.pressure_angle, mesh.rack.helix_angle];
         let other = self.meshes[..i].iter().find_map(|other| {
@@ -400,7 +400,7 @@ impl Gearbox {
                 set(&mut centres, mesh.gears.map(|gear| self.gears[gear].shaft), [distance * cos, distance * sin]);
             }
             if is_done {
-                // What nothing places stands apart; its place is of no consequence.
+                // A shaft without a determined place stands apart; its place has no effect.
                 match centres.iter_mut().find(|centre| centre.is_none()) {
                     Some(apart) => *apart = Some([0.0; 2]),
                     None => return centres.into_iter().flatten().collect(),
@@ -415,7 +415,7 @@ pub(super) fn ratio(speed: Speed) -> f64 {
     *speed.numer() as f64 / *speed.denom() as f64
 }
 
-/// Tells that a difference of angles, periods or ratios near one comes from rounding.
+/// Returns whether a difference of angles, periods or ratios near one comes from rounding.
 pub(super) fn is_rounding(difference: f64) -> bool {
     difference.abs() <= 64.0 * f64::EPSILON
 }

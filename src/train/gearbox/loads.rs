@@ -1,10 +1,10 @@
-//! Masses, torques and frictions of a gearbox, and what is wrong with them.
+//! Masses, torques and frictions of a gearbox, and their faults.
 
 use super::{Drag, GearMesh, Gearbox, GearboxFault, Layout, Order, Part, Shaft, Torque, layout::ratio};
 
-/// Mass of what does not give way, kg: far above all others, with products that a double holds.
+/// Mass of a rigid support, kg: far above all others, with products that a double holds.
 pub(super) const FRAME: f64 = 1e30;
-/// Torques balance to rounding of the numbers in a scene.
+/// Largest relative imbalance of torques: rounding of the numbers in a scene.
 const BALANCED: f64 = 1e-6;
 
 pub(super) fn sign(x: f64) -> f64 {
@@ -104,13 +104,13 @@ impl Gearbox {
         faults
     }
 
-    /// Tells that the rotation of a shaft is a freedom.
+    /// Returns whether the rotation of a shaft is a degree of freedom.
     pub(super) fn turns(&self, i: usize) -> bool {
         let shaft = &self.shafts[i];
         shaft.motion.is_empty() && !(shaft.is_fixed && shaft.rotation.stiffness == 0.0)
     }
 
-    /// Speed of a body against the one that its friction acts against, rad/s.
+    /// Speed of a body relative to the partner of its friction, rad/s.
     pub(super) fn slip(&self, layout: &Layout, part: Part) -> f64 {
         let (own, other) = match part {
             Part::Gear(i) if self.gears[i].is_loose => (layout.gears[i], Some(self.gears[i].shaft)),
@@ -128,9 +128,9 @@ impl Gearbox {
         shafts.chain(gears).filter(|(_, drag)| *drag != Drag::default())
     }
 
-    /// Power that enters by given torques and leaves by friction, over the given speed, N m, and the sum of the sizes of all parts.
+    /// Power of given torques minus that of friction, over the given speed, N m, and the sum of the sizes of all parts.
     fn power(&self, layout: &Layout) -> (f64, f64) {
-        // At rest the ratios of speeds still tell which torque balances which.
+        // At rest the ratios of speeds still determine the balance of torques.
         let scale = if layout.omega > 0.0 { layout.omega } else { 1.0 };
         let speed = |i: usize| ratio(layout.shafts[i]).abs();
         let given = self.shafts.iter().enumerate().map(|(i, shaft)| match shaft.torque {
@@ -178,13 +178,13 @@ impl Gearbox {
         }
     }
 
-    /// Mean torque from outside on shaft `i`, N m, counter-clockwise positive.
+    /// Mean external torque on shaft `i`, N m, counter-clockwise positive.
     #[must_use]
     pub fn torque(&self, layout: &Layout, i: usize) -> f64 {
         self.along(layout, i) * sign(ratio(layout.shafts[i]))
     }
 
-    /// Mean torque from outside on shaft `i`, N m, positive if it drives.
+    /// Mean external torque on shaft `i`, N m, positive if it drives.
     fn along(&self, layout: &Layout, i: usize) -> f64 {
         match self.shafts[i].torque {
             Torque::Given(torque) => torque,
@@ -192,8 +192,8 @@ impl Gearbox {
         }
     }
 
-    /// The gearbox without the torques of some shafts, which follow schedules: number of the shaft, and whether the schedule repeats. What
-    /// takes off the rest takes off the mean of a torque that repeats.
+    /// Returns the gearbox without the torques of shafts with schedules, given by number and whether the schedule repeats. The balancing
+    /// torque takes up the mean of a repeating torque.
     pub(crate) fn without(&self, layout: &Layout, torques: &[(usize, bool)]) -> Self {
         let mut gearbox = self.clone();
         let drop = |gearbox: &mut Self, repeating: bool| {
@@ -209,7 +209,7 @@ impl Gearbox {
         gearbox
     }
 
-    /// The gearbox under a torque of 1 N m on one of those shafts alone; what takes off the rest follows one that does not repeat.
+    /// Returns the gearbox under a torque of 1 N m on one of those shafts alone; the balancing torque follows one that does not repeat.
     pub(crate) fn with_unit(&self, (i, repeats): (usize, bool)) -> Self {
         let mut gearbox = self.clone();
         gearbox.gears.iter_mut().for_each(|gear| gear.drag = Drag::default());
@@ -222,7 +222,7 @@ impl Gearbox {
         gearbox
     }
 
-    /// Rotary mass of a gear with all that turns with it, on its base circle, kg; one whose motion is given is as heavy as the frame.
+    /// Rotary mass of a gear and everything that rotates with it, on its base circle, kg; with a given motion that of the frame.
     #[must_use]
     pub fn rotary_mass(&self, layout: &Layout, gear: usize) -> f64 {
         let (own, base) = (&self.gears[gear], layout.base_radius(gear).unwrap_or(1.0));
@@ -257,7 +257,7 @@ impl Gearbox {
         self.shafts.iter().enumerate().map(of_shaft).sum()
     }
 
-    /// Frictions of loose gears that may change their sign, which a run leaves out.
+    /// Frictions of loose gears that may change their sign, which a run does not model.
     #[must_use]
     pub fn warnings(&self, layout: &Layout) -> Vec<(Part, String)> {
         let share = self.fluctuation(layout);
@@ -265,7 +265,7 @@ impl Gearbox {
             let Part::Gear(i) = part else { return None };
             let gear = &self.gears[i];
             let slip = self.slip(layout, part).abs();
-            // A gear that has left its flank does not follow the shaft: both may fluctuate against each other.
+            // A gear off its flank does not follow the shaft: both may fluctuate against each other.
             let most = share * (layout.rate(layout.gears[i]).abs() + layout.speed(gear.shaft).abs());
             (gear.is_loose && drag.constant > 0.0 && most >= slip).then(|| {
                 let text = format!(

@@ -77,7 +77,7 @@ pub struct Order {
     pub phase: f64,
 }
 
-/// The quantity that an order moves.
+/// Quantity of an order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amplitude {
     /// Torque, N m, positive in the direction of the mean rotation.
@@ -99,31 +99,31 @@ pub struct Shaft {
     pub position: Option<[f64; 2]>,
     /// The shaft that carries it around, and its position ψ there, rad.
     pub carried: Option<(usize, f64)>,
-    /// Error of the place of its axis, m, along x and y; of a carried shaft outwards and along its way.
+    /// Error of the position of its axis, m, along x and y; for a carried shaft radial and tangential.
     pub offset: [f64; 2],
-    /// Tells that it stands still on average.
+    /// True if the shaft stands still on average.
     pub is_fixed: bool,
     /// Mean speed, rev/min, counter-clockwise positive, where it is given.
     pub rpm: Option<f64>,
-    /// Mass of its own, kg.
+    /// Mass of the shaft alone, kg.
     pub mass: f64,
-    /// Moment of inertia of its own, kg m².
+    /// Moment of inertia of the shaft alone, kg m².
     pub inertia: f64,
-    /// Radius on which its rotation is counted, m, where it is given.
+    /// Radius for its rotation, m, where it is given.
     pub radius: Option<f64>,
-    /// Bearing of its centre; without one the shaft does not move sideways.
+    /// Bearing of its centre; without one the centre is fixed.
     pub translation: Option<Support>,
-    /// Bearing along the axis; without one the shaft does not move there.
+    /// Bearing along the axis; without one the shaft is fixed there.
     pub axial: Option<Support>,
     /// Spring and damper that hold its rotation about the mean one: N m/rad, N m s/rad.
     pub rotation: Support,
-    /// Torque from outside.
+    /// External torque.
     pub torque: Torque,
     /// Friction in its bearings, against the frame or what carries it.
     pub drag: Drag,
     /// Torques by order.
     pub orders: Vec<Order>,
-    /// Its motion, if that is given; it then has no rotation of its own.
+    /// Given motion, if any; the rotation is then no degree of freedom.
     pub motion: Vec<Order>,
 }
 
@@ -134,9 +134,9 @@ pub struct ShaftGear {
     pub name: String,
     /// Number of the shaft.
     pub shaft: usize,
-    /// Tells that it turns on the shaft.
+    /// True if the gear turns freely on the shaft.
     pub is_loose: bool,
-    /// Tells that it is a ring.
+    /// True if the gear is a ring.
     pub is_ring: bool,
     /// Teeth.
     pub teeth: Gear,
@@ -186,7 +186,7 @@ pub struct Coupling {
     pub axial: Option<Support>,
 }
 
-/// Shafts, gears, and what joins them.
+/// Shafts, gears, meshes and couplings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gearbox {
     /// Shafts.
@@ -216,12 +216,12 @@ pub enum Part {
     Train,
 }
 
-/// Something in a gearbox that cannot be.
+/// A fault of a gearbox.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GearboxFault {
-    /// Where.
+    /// Part at fault.
     pub part: Part,
-    /// The key there, if one is at fault.
+    /// Key at fault, if any.
     pub key: &'static str,
     /// The value or fact found there.
     pub found: String,
@@ -256,7 +256,7 @@ impl GearMesh {
 }
 
 impl Order {
-    /// The harmonic of the angle, rad, of a shaft that turns at ω, rad/s; of a torque, N m, itself.
+    /// Returns the harmonic of the angle, rad, of a shaft at speed ω, rad/s; for a torque the harmonic itself, N m.
     fn harmonic(&self, omega: f64) -> Harmonic {
         use std::f64::consts::{FRAC_PI_2, PI};
         let (amplitude, lead) = match self.amplitude {

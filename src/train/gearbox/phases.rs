@@ -1,7 +1,7 @@
-//! Mesh phases of a gearbox: how its teeth stand at time 0.
+//! Mesh phases of a gearbox: positions of its teeth at time 0.
 //!
-//! A mesh is at its pitch point at the whole numbers of its clock `τ = f_m t + γ`. With θ the angle of a tooth of the pinion (of a ring: of a
-//! space), h half its angle on the working pitch circle, s the sense of the push and σ the sense of rotation:
+//! A mesh is at its pitch point at the whole numbers of its clock `τ = f_m t + γ`. With θ the angle of a tooth of the pinion (of a space of
+//! a ring), h half its angle on the working pitch circle, s the sense of the push and σ the sense of rotation:
 //!
 //! ```text
 //! γ = frac(σ Z₁ (θ₁ + s h₁ − ψ)/2π)
@@ -9,15 +9,15 @@
 //!   = frac( σ Z₂ (θ₂ + s h₂ − ψ)/2π)        of a ring
 //! ```
 //!
-//! The first gear that drives has its drive flank in the direction of x. Gears fixed on one shaft have a tooth at the same angle. One of two
-//! gears that a loop of meshes turns already is set on its shaft so that it fits, where nothing else holds it.
+//! The first driving gear has its drive flank in the direction of x. Gears fixed on one shaft have a tooth at the same angle. If a loop of
+//! meshes determines the angles of two gears, one of them is set on its shaft to fit, unless something else holds it.
 
 use std::f64::consts::{PI, TAU};
 
 use super::{Gearbox, GearboxFault, Line, Part, ShaftGear, layout::is_rounding};
 use crate::gear::MeshKind;
 
-/// Teeth fit to this part of a pitch: angles in a scene are rounded.
+/// Largest misfit of teeth, as a part of a pitch: angles in a scene are rounded.
 const FITS: f64 = 1e-4;
 
 /// A gear in a mesh: the angle of its flank from its tooth, and the pitch point seen from its centre.
@@ -44,12 +44,12 @@ impl End {
         [of(0, line.turning, line.pitch), wheel]
     }
 
-    /// The phase that a tooth at this angle gives, periods, not reduced.
+    /// Phase of a tooth at this angle, periods, not reduced.
     fn phase(&self, angle: f64) -> f64 {
         self.sense * self.teeth * (angle + self.flank - self.pitch) / TAU
     }
 
-    /// The angle of a tooth with this phase.
+    /// Angle of a tooth with this phase, rad.
     fn angle(&self, phase: f64) -> f64 {
         self.pitch - self.flank + self.sense * TAU * phase / self.teeth
     }
@@ -75,7 +75,7 @@ pub(super) fn set(gearbox: &Gearbox, lines: &mut [Line]) -> Result<(), Vec<Gearb
     let mut open: Vec<usize> = (0..lines.len()).collect();
     while !open.is_empty() {
         let known = |i: usize| rotors[i].map(|rotor| angles[rotor]);
-        // First a mesh that leads on, then one that starts anew.
+        // Meshes that continue a known gear come before those that start a new group.
         let leads = open.iter().position(|i| known(*i).iter().flatten().count() == 1);
         let Some(at) = leads.or_else(|| open.iter().position(|i| known(*i) == [None, None])) else { break };
         let i = open.remove(at);
@@ -94,7 +94,7 @@ pub(super) fn set(gearbox: &Gearbox, lines: &mut [Line]) -> Result<(), Vec<Gearb
         lines[i].phase = fraction(phase);
     }
     let faults: Vec<GearboxFault> = open.into_iter().filter_map(|i| close(gearbox, lines, &ends, &angles, i)).collect();
-    // Teeth in phase stay so to the last bit.
+    // Teeth in phase remain in phase to the last bit.
     for i in 1..lines.len() {
         let (before, own) = lines.split_at_mut(i);
         let equal = before.iter().map(|line| line.phase).find(|phase| is_rounding(phase - own[0].phase));
@@ -103,7 +103,7 @@ pub(super) fn set(gearbox: &Gearbox, lines: &mut [Line]) -> Result<(), Vec<Gearb
     if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
-/// Sets the phase of a mesh between gears whose angles are known already.
+/// Sets the phase of a mesh between gears with known angles.
 fn close(
     gearbox: &Gearbox,
     lines: &mut [Line],

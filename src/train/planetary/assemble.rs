@@ -1,4 +1,4 @@
-//! A stage into the common form.
+//! Assembly of a stage into the common form.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -12,14 +12,14 @@ use crate::train::drawing::{Drawing, GearDrawing, point, rows};
 use crate::train::error::{TrainError, check};
 
 impl Planetary {
-    /// The stage in the common form. Contacts come sun meshes first, then ring meshes: `sun-planet 1` …,
-    /// `ring-planet 1` …; in the in-phase reduction `sun-planet` and `ring-planet`.
+    /// Returns the stage in the common form. Contacts come sun meshes first, then ring meshes: `sun-planet 1` …, `ring-planet 1` …; in the
+    /// in-phase reduction `sun-planet` and `ring-planet`.
     ///
     /// With `q_all = P q` the matrices are `Pᵀ M P` and so on, the directions `Pᵀ g`.
     ///
     /// # Errors
-    /// [`TrainError`] for values outside their ranges, unknown freedoms, planets that are not alike in the in-phase
-    /// reduction, or a standing stage with varying meshes.
+    /// [`TrainError`] for values outside their ranges, unknown degrees of freedom, unlike planets in the in-phase reduction, or a standing
+    /// stage with varying meshes.
     pub fn assemble(&self, freedoms: &Freedoms) -> Result<Spec, TrainError> {
         self.check()?;
         let in_phase = *freedoms == Freedoms::InPhase;
@@ -30,7 +30,7 @@ impl Planetary {
         let frequency = self.mesh_frequency();
         let mut assembly = self.bodies();
         self.meshes(&mut assembly, in_phase, frequency)?;
-        // One planet's share of everything: the whole divided by N, its one contact kept whole.
+        // The share of one planet: the whole divided by N, with one whole contact.
         let share = if in_phase { (self.planets.len() as f64).recip() } else { 1.0 };
         let count = self.planets.len();
         let shared =
@@ -38,10 +38,10 @@ impl Planetary {
         Ok(Spec { shared, ..assembly.reduced(names, &p, share, frequency) })
     }
 
-    /// The stage as a picture shows it, in the frame of its carrier.
+    /// Returns the drawing of the stage, in the frame of its carrier.
     ///
     /// # Errors
-    /// [`TrainError`] for unknown freedoms.
+    /// [`TrainError`] for unknown degrees of freedom.
     pub fn drawing(&self, freedoms: &Freedoms) -> Result<Drawing, TrainError> {
         let (names, p) = self.projection(freedoms)?;
         let (carrier, n) = (self.carrier_row(), self.freedoms().len());
@@ -92,12 +92,12 @@ impl Planetary {
         Ok(Drawing { gears, points: points.concat() })
     }
 
-    /// Index of the carrier's first freedom among all.
+    /// Index of the first degree of freedom of the carrier among all.
     fn carrier_row(&self) -> usize {
         3 + 3 * self.planets.len()
     }
 
-    /// Bodies with what holds them and loads them, in all freedoms.
+    /// Bodies with supports and loads, in all degrees of freedom.
     fn bodies(&self) -> Assembly {
         let carrier = self.carrier_row();
         let mut assembly = Assembly::new(carrier + 6);
@@ -124,7 +124,7 @@ impl Planetary {
         assembly
     }
 
-    /// Radial and tangential stretch of a planet's bearing in all freedoms.
+    /// Radial and tangential stretch of the bearing of a planet in all degrees of freedom.
     fn bearing_directions(&self, i: usize) -> [DVector<f64>; 2] {
         let carrier = self.carrier_row();
         let (sin, cos) = libm::sincos(self.planets[i].position);
@@ -140,7 +140,7 @@ impl Planetary {
         [radial, tangential]
     }
 
-    /// Coriolis and centripetal terms of the turning frame, for every body's pair of in-plane freedoms.
+    /// Adds the Coriolis and centripetal terms of the turning frame, for the in-plane degrees of freedom of every body.
     fn turn(&self, damping: &mut DMatrix<f64>, stiffness: &mut DMatrix<f64>) {
         let omega = self.carrier_speed();
         let carrier = self.carrier_row();
@@ -202,7 +202,7 @@ impl Planetary {
         Ok(())
     }
 
-    /// Alike and equally spaced planets: only then is in-phase motion a motion of the whole stage.
+    /// Checks that planets are alike and equally spaced: only then is in-phase motion a motion of the whole stage.
     fn check_in_phase(&self) -> Result<(), TrainError> {
         let count = self.planets.len() as f64;
         let first = &self.planets[0];

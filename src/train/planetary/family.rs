@@ -8,7 +8,7 @@ use thiserror::Error;
 use crate::linalg::{EigenError, Modes, natural_modes};
 use crate::system::Spec;
 
-/// What the modes of a symmetric stage move (Lin & Parker, J. Vib. Acoust. 121, 1999, 316).
+/// Family of the modes of a symmetric stage, by moving bodies (Lin & Parker, J. Vib. Acoust. 121, 1999, 316).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Family {
     /// All planets move alike; the central bodies turn and their centres rest. Single frequencies.
@@ -21,10 +21,10 @@ pub enum Family {
 }
 
 impl Family {
-    /// All of them.
+    /// All families.
     pub const ALL: [Self; 3] = [Self::Rotational, Self::Translational, Self::Planet];
 
-    /// Its name in lower case.
+    /// Returns the name in lower case.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -46,9 +46,9 @@ impl fmt::Display for Family {
 pub struct FamilyModes {
     /// The family.
     pub family: Family,
-    /// How often each of its frequencies is repeated, ≥ 1.
+    /// Multiplicity of each of its frequencies, ≥ 1.
     pub multiplicity: usize,
-    /// Frequencies with their repetitions, rising; shapes in all freedoms of the stage, `[n × modes]`.
+    /// Frequencies with their repetitions, rising; shapes in all degrees of freedom of the stage, `[n × modes]`.
     pub modes: Modes,
 }
 
@@ -64,10 +64,10 @@ impl FamilyModes {
     }
 }
 
-/// Why the modes of a train do not fall into families.
+/// Reason for which the modes of a train do not fall into families.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum FamilyError {
-    /// The freedoms are not those of a stage with alike planets.
+    /// The degrees of freedom are not those of a stage with alike planets.
     #[error("the freedoms are not those of a planetary stage that treats its planets alike")]
     Freedoms,
     /// The matrices couple the families.
@@ -81,16 +81,15 @@ pub enum FamilyError {
 /// Coupling between families up to this share of the largest entry is rounding of positions.
 const COUPLING: f64 = 1e-6;
 
-/// Natural modes of a stage by family, each from the part of the structure that it moves: rotations of the central
-/// bodies and the planets' common motion; centres and the planets' first harmonic `cos(2π i/N), sin(2π i/N)` over the
-/// planets i; the planets' higher harmonics. Symmetry keeps the parts apart, so that frequencies may cross without any
-/// doubt about which family they belong to.
+/// Returns the natural modes of a stage by family, each from its part of the structure. Rotational: rotations of the central bodies and the
+/// common motion of the planets. Translational: centres and the first harmonic `cos(2π i/N), sin(2π i/N)` over the planets i. Planet: their
+/// higher harmonics. Symmetry separates the parts, so the family of a frequency is certain even at crossings.
 ///
 /// `stiffness` is `K` with contacts closed, N/m, `[n × n]` ([`bonded_stiffness`](crate::system::bonded_stiffness)).
-/// Families without freedoms are left out.
+/// Families without degrees of freedom are omitted.
 ///
 /// # Errors
-/// [`FamilyError`] as named there.
+/// [`FamilyError`] names the reason.
 pub fn families(spec: &Spec, stiffness: &DMatrix<f64>) -> Result<Vec<FamilyModes>, FamilyError> {
     let bases = bases(&spec.freedoms)?;
     for (i, (_, _, left)) in bases.iter().enumerate() {
@@ -113,7 +112,7 @@ pub fn families(spec: &Spec, stiffness: &DMatrix<f64>) -> Result<Vec<FamilyModes
     bases.into_iter().map(part).collect()
 }
 
-/// Each family with its multiplicity and an orthonormal basis of its motions, `[n × freedoms of the family]`.
+/// Returns each family with its multiplicity and an orthonormal basis of its motions, `[n × degrees of freedom of the family]`.
 fn bases(freedoms: &[String]) -> Result<Vec<(Family, usize, DMatrix<f64>)>, FamilyError> {
     let mut columns: BTreeMap<Family, Vec<Vec<f64>>> = BTreeMap::new();
     let unit = |row: usize| (0..freedoms.len()).map(|i| f64::from(i == row)).collect::<Vec<f64>>();
@@ -123,7 +122,7 @@ fn bases(freedoms: &[String]) -> Result<Vec<(Family, usize, DMatrix<f64>)>, Fami
     for (row, name) in freedoms.iter().enumerate() {
         let numbered = name.split_once('_').and_then(|(stem, rest)| Some((stem, rest.parse::<usize>().ok()?)));
         match (name.as_str(), numbered) {
-            // Central rotations; in the in-phase reduction also the one planet that stands for all.
+            // Central rotations; in the in-phase reduction also the one planet in place of all.
             ("u_s" | "u_c" | "u_r" | "xi" | "eta" | "u", _) => {
                 columns.entry(Family::Rotational).or_default().push(unit(row));
             }
@@ -138,7 +137,7 @@ fn bases(freedoms: &[String]) -> Result<Vec<(Family, usize, DMatrix<f64>)>, Fami
             _ => return Err(FamilyError::Freedoms),
         }
     }
-    // Otherwise a gear pair, whose freedoms have numbers too.
+    // Otherwise the train is a gear pair, whose degrees of freedom have numbers too.
     if columns.is_empty() {
         return Err(FamilyError::Freedoms);
     }

@@ -1,19 +1,19 @@
-//! Which freedoms a stage keeps, and how the others follow.
+//! Degrees of freedom that a stage keeps, and the motion of the others.
 
 use nalgebra::DMatrix;
 
 use super::Planetary;
 use crate::train::error::{TrainError, check};
 
-/// Which freedoms are kept. The others do not move relative to what carries them: sun, ring and carrier are held by
-/// the frame, a planet's centre by its pin on the carrier (`ξ = x_c cos ψ + y_c sin ψ`, `η = u_c − x_c sin ψ + y_c cos ψ`).
+/// Degrees of freedom that are kept. The others follow their support: sun, ring and carrier the frame, the centre of a planet its pin on
+/// the carrier (`ξ = x_c cos ψ + y_c sin ψ`, `η = u_c − x_c sin ψ + y_c cos ψ`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Freedoms {
     /// `u_s, u_1 … u_N, u_c, u_r`: the carrier then carries its planets, `I_c/r_c² + N m_p`.
     Torsional,
-    /// `u_s, u_r, u_c, xi, eta, u`: one planet stands for all, and the central bodies are taken with one planet's
-    /// share (1/N) of mass, support and load, so that one contact's force is the force of one mesh. Exact for alike,
-    /// equally spaced planets whose meshes see the same error and stiffness at the same time.
+    /// `u_s, u_r, u_c, xi, eta, u`: one planet stands for all. The central bodies count with the share (1/N) of one planet of mass, support
+    /// and load. The contact force is then that of one mesh. Exact for alike, equally spaced planets whose meshes have the same error and
+    /// stiffness at the same time.
     InPhase,
     /// `x_s, y_s, u_s, xi_i, eta_i, u_i …, u_c, x_r, y_r, u_r`: 7 + 3 N, the carrier's centre held.
     Full,
@@ -24,7 +24,7 @@ pub enum Freedoms {
 }
 
 impl Planetary {
-    /// Names of all freedoms, in the order of [`Freedoms::FullCarrier`].
+    /// Returns the names of all degrees of freedom, in the order of [`Freedoms::FullCarrier`].
     #[must_use]
     pub fn freedoms(&self) -> Vec<String> {
         let planets = (1..=self.planets.len()).flat_map(|i| [format!("xi_{i}"), format!("eta_{i}"), format!("u_{i}")]);
@@ -75,7 +75,7 @@ impl Planetary {
         Ok((kept, p))
     }
 
-    /// Rows of the planet centres that were dropped: they follow the carrier.
+    /// Sets the rows of the dropped planet centres: they follow the carrier.
     fn carry(&self, all: &[String], kept: &[String], p: &mut DMatrix<f64>) {
         let column = |name: &str| kept.iter().position(|k| k == name);
         for (i, planet) in self.planets.iter().enumerate() {

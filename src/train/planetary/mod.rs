@@ -83,8 +83,8 @@ pub struct Planet {
     pub ring_mesh: Mesh,
 }
 
-/// What loads the stage. The drag torque is a load at the output: `T_out = torque + drag + drag_per_rpm · n`,
-/// and the input torque is `T_in = T_out/i`.
+/// Loads of the stage. The drag torque is a load at the output: `T_out = torque + drag + drag_per_rpm · n`, and the input torque is `T_in =
+/// T_out/i`.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Load {
     /// Torque taken off at the carrier, N m.
@@ -98,7 +98,7 @@ pub struct Load {
 }
 
 impl Load {
-    /// Whole torque at the carrier, drag included, N m; `rpm` of the sun.
+    /// Total torque at the carrier, drag included, N m; `rpm` of the sun.
     #[must_use]
     pub fn total_output(&self, rpm: f64) -> f64 {
         self.output_torque + self.drag + self.drag_per_rpm * rpm
@@ -130,12 +130,12 @@ pub struct Planetary {
     pub rpm: f64,
     /// The load.
     pub load: Load,
-    /// Whether Coriolis terms `2 m ω_c (−ẏ, ẋ)` and centripetal terms `−m ω_c² (x, y)` of the turning frame act;
-    /// the constant centrifugal pull on the planets is left out, as their rest position takes it up.
+    /// True if Coriolis terms `2 m ω_c (−ẏ, ẋ)` and centripetal terms `−m ω_c² (x, y)` of the turning frame act. The constant centrifugal
+    /// pull on the planets is omitted, as it only shifts their rest position.
     pub gyroscopic: bool,
 }
 
-/// Where mesh phases come from.
+/// Source of the mesh phases.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Phasing {
     /// From tooth numbers, the planets' positions as they are, and γ_rs.
@@ -144,7 +144,7 @@ pub enum Phasing {
     Assemblable,
     /// All phases zero, γ_rs included (it is then part of the errors' phases).
     InPhase,
-    /// As given, periods, one each per planet.
+    /// Given phases, periods, one for each planet.
     Explicit {
         /// Sun meshes.
         sun: Vec<f64>,
@@ -160,7 +160,7 @@ impl Planetary {
         self.planets.iter().map(|planet| planet.position).collect()
     }
 
-    /// The stage with its mesh phases (and for [`Phasing::Assemblable`] its planets' positions) set.
+    /// Sets the mesh phases of the stage (and for [`Phasing::Assemblable`] the positions of its planets).
     ///
     /// # Errors
     /// [`TrainError::Phases`] if explicit phases do not match the number of planets.

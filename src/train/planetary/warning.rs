@@ -1,22 +1,22 @@
-//! What is implausible about a stage's data.
+//! Warnings about implausible data of a stage.
 
 use std::fmt;
 
 use super::Planetary;
 use crate::gear::phase::{assemblable, nearest_assemblable};
 
-/// Something implausible about a stage. Angles in rad, lengths in m.
+/// Implausible data of a stage. Angles in rad, lengths in m.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
-    /// Planets at these positions cannot be put between sun and ring: they must sit at multiples of
-    /// `2π/(Z_s + Z_r)` from one another.
+    /// Planets at these positions cannot be assembled between sun and ring: they must sit at multiples of `2π/(Z_s + Z_r)` from one
+    /// another.
     NotAssemblable {
         /// Positions as given.
         positions: Vec<f64>,
         /// The nearest assemblable ones.
         nearest: Vec<f64>,
     },
-    /// `Z_r = Z_s + 2 Z_p` does not hold within what profile shift can make up (2 teeth).
+    /// `Z_r = Z_s + 2 Z_p` is violated by more than profile shift can compensate (2 teeth).
     Teeth {
         /// `Z_r − Z_s − 2 Z_p`.
         excess: i64,
@@ -54,10 +54,10 @@ impl fmt::Display for Warning {
 }
 
 impl Planetary {
-    /// Positions closer to an assemblable one than this pass, rad: 1e-6 of a turn, far below any tooth.
+    /// Distance from an assemblable position without a warning, rad: 1e-6 of a turn, far below any tooth.
     const POSITION_TOLERANCE: f64 = 1.0e-6;
 
-    /// Everything implausible about the stage; empty if there is nothing.
+    /// Returns all warnings about the stage; empty if there are none.
     #[must_use]
     pub fn warnings(&self) -> Vec<Warning> {
         let mut warnings = Vec::new();

@@ -1,0 +1,56 @@
+//! The rattle threshold of a spur pair, and its curve in the plane of load and speed, by the library alone.
+//!
+//! ```text
+//! cargo run --release --example continuation
+//!
+//! torus                 18.07776983993136 N m  word c0+ r0+ x0+
+//! fold                  40.91562578544466 N m  word c0+ r0+ x0+
+//! grazing-damped        7.185311631016235 N m  word c0+ r0+ x0+
+//! fold                   7.18508500186426 N m  word c0+ r0+ x0+ c0+ r0+ x0+
+//! ...
+//!    2000.0000 rev/min     10.814973 N m
+//!    2215.4786 rev/min     15.342090 N m
+//!    2386.9102 rev/min     24.057648 N m
+//!    2425.3574 rev/min     27.931939 N m
+//!    2554.6771 rev/min     54.524645 N m
+//!    2617.7514 rev/min     54.597153 N m
+//!    2732.2535 rev/min     23.529655 N m
+//! ```
+
+use std::{
+    error::Error,
+    io::{self, Write},
+};
+
+use flank::{
+    Task,
+    branch::{Continuation, Family, Kind, curves},
+    scene::Scene,
+    simulation::Parameter,
+};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut out = io::stdout();
+    let scene = Scene::from_file("examples/scenes/spur-pair.json")?;
+
+    // The scene with its load free, and its speed as the second number.
+    let load = Parameter::new(scene.resolved(), &["/train/torque_nm"])?;
+    let speed = Parameter::new(scene.resolved(), &["/train/speed_rpm"])?;
+    let family = Family::new(&scene, load, [5.0, 200.0])?.with(speed, [2000.0, 2800.0])?;
+
+    // The orbit of the scene, followed over the load: folds, and loads at which contact is first lost.
+    let method = Continuation { doublings: 0, ..Continuation::default() };
+    let followed = method.run(&family, None, &mut |_| Ok(()), Task::default())?;
+    for special in followed.branches.iter().flat_map(|branch| &branch.specials) {
+        writeln!(out, "{:<16} {:>22} N m  word {}", special.kind.word(), special.value, special.word)?;
+    }
+
+    // The graze of the motion without events is the rattle threshold. It is followed over the speed.
+    let found = curves(&family, Kind::GrazingDamped, &followed.branches, Vec::new(), &mut |_| Ok(()), Task::default())?;
+    for point in
+        found.iter().filter(|curve| curve.points[0].word.is_empty()).flat_map(|curve| &curve.points).step_by(10)
+    {
+        writeln!(out, "  {:>10.4} rev/min  {:>12.6} N m", point.second, point.value)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,191 @@
+//! A run that nobody looks at: the state, the mode and the counters of one that is looked at, bit for bit.
+
+use std::ops::ControlFlow;
+
+use flank::{
+    Simulation,
+    engine::{Counters, Engine, Observer, Options, Outcome, State},
+    event::EventRecord,
+    hybrid::{Budget, HybridSystem, LaneHost, LanePoint, LapEnd, Mode, Rebound},
+    scene::Scene,
+};
+use serde_json::json;
+
+/// Looks at events and at nothing else.
+#[derive(Default)]
+struct Watching(u64);
+
+impl Observer for Watching {
+    fn wants_steps(&self, _: &Mode) -> bool {
+        false
+    }
+
+    fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
+        self.0 += 1;
+        ControlFlow::Continue(())
+    }
+}
+
+fn scene(name: &str) -> Scene {
+    Scene::from_file(format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+fn engine(simulation: &Simulation, state: State, options: Options) -> Engine<'_> {
+    Engine::new(&simulation.structure, simulation.integrator().unwrap().0, options, state)
+}
+
+/// State, counters and outcome at the end of each piece of the run.
+fn pieces(
+    simulation: &Simulation,
+    start: &State,
+    (ends, options): (&[f64], Options),
+    observer: &mut dyn Observer,
+) -> Vec<(State, Counters, Outcome)> {
+    let clock = simulation.clock();
+    let mut engine = engine(simulation, start.clone(), options);
+    let run = |end: &f64| {
+        let outcome = engine.run(clock.advance(start.at, end * clock.period().unwrap().hi), observer).unwrap();
+        (engine.state().clone(), engine.counters(), outcome)
+    };
+    ends.iter().map(run).collect()
+}
+
+/// Runs in pieces, watched and not, and compares. The number of events.
+fn compare(name: &str, simulation: &Simulation, start: &State, ends: &[f64], options: Options) -> u64 {
+    let mut watching = Watching::default();
+    let watched = pieces(simulation, start, (ends, options), &mut watching);
+    let silent = pieces(simulation, start, (ends, options), &mut ());
+    for (i, (watched, silent)) in watched.iter().zip(&silent).enumerate() {
+        assert_eq!(watched, silent, "{name}, piece {i}");
+    }
+    watched.last().unwrap().1.events
+}
+
+fn start(simulation: &Simulation, share: f64) -> State {
+    let (mut q, mut v) = (simulation.q0.clone(), simulation.v0.clone());
+    q[0] -= 0.3 * share * simulation.structure.spec().contacts[0].half_backlash.max(0.1);
+    v[0] += 0.1 * share;
+    simulation.start_at(&q, &v).unwrap()
+}
+
+const ENDS: [f64; 6] = [0.3, 1.0, 1.7, 8.0, 8.000_000_1, 60.0];
+
+/// Trains that have a lane: linear laws, steps of stiffness, rigid flanks, sequences that come to rest; and ones that have none.
+#[test]
+fn a_run_that_nobody_looks_at_has_the_bits_of_one_that_is_looked_at() {
+    let names = [
+        "W1a-0",
+        "W1a-ss",
+        "W1a-ds",
+        "W1a-ch",
+        "W1b-ds",
+        "W1c-ss",
+        "W1c-ds",
+        "W1c-ch",
+        "W2b",
+        "W5b-p",
+        "W5b-ch",
+        "W5b-gr",
+        "W5c",
+        "kahraman-singh",
+    ];
+    for name in names {
+        let simulation = Simulation::from_scene(scene(name)).unwrap();
+        for i in 0..6 {
+            compare(name, &simulation, &start(&simulation, f64::from(i)), &ENDS, Options::default());
+        }
+    }
+}
+
+/// Wherever a budget of events ends a run, it ends both.
+#[test]
+fn a_budget_of_events_ends_both() {
+    for name in ["W1a-ds", "W1c-ds", "W5b-p", "W5c"] {
+        let simulation = Simulation::from_scene(scene(name)).unwrap();
+        for max_events in [1, 2, 7, 20] {
+            let options = Options { max_events, ..Options::default() };
+            let events = compare(name, &simulation, &start(&simulation, 0.0), &ENDS, options);
+            assert_eq!(events, max_events, "{name}");
+        }
+    }
+}
+
+/// Oscillators that strike walls, at amplitudes, frequencies and restitutions from a sequence without order: impacts in chaos, sequences
+/// that come to rest, rest, loss of contact.
+#[test]
+fn impact_oscillators_of_all_kinds_end_alike() {
+    let (mut random, mut events) = (0.37_f64, 0);
+    let mut next = |low: f64, high: f64| {
+        random = 3.999_999 * random * (1.0 - random);
+        low + (high - low) * random
+    };
+    for i in 0..200 {
+        let scene = scene("W5c")
+            .with("/train/load_harmonics/0/frequency_rad_per_s", json!(next(0.2, 3.0)))
+            .and_then(|scene| scene.with("/train/wall/position_m", json!(next(-0.1, 0.5))))
+            .and_then(|scene| scene.with("/train/law/restitution", json!(next(0.2, 0.95))))
+            .unwrap();
+        let simulation = Simulation::from_scene(scene).unwrap();
+        let name = format!("oscillator {i}");
+        events += compare(&name, &simulation, &start(&simulation, 0.0), &ENDS, Options::default());
+    }
+    assert!(events > 3000, "{events}");
+}
+
+/// Pairs of all loads, with stiffness that is constant, follows the forcing, or steps.
+#[test]
+fn pairs_of_all_kinds_end_alike() {
+    let mut events = 0;
+    for i in 0..90 {
+        let (share, name) = (f64::from(i) / 90.0, ["W1a-ch", "W1b-ch", "W1c-ch"][i as usize % 3]);
+        let scene = scene(name).with("/train/mean_load", json!(0.02 + 0.3 * share)).unwrap();
+        let simulation = Simulation::from_scene(scene).unwrap();
+        events += compare(name, &simulation, &start(&simulation, 6.0 * share), &ENDS, Options::default());
+    }
+    assert!(events > 6000, "{events}");
+}
+
+/// Leaves all modes to the lane, and ends no sequence.
+struct Free;
+
+impl LaneHost for Free {
+    fn is_exact(&mut self, _: &Mode) -> bool {
+        true
+    }
+
+    fn ends(&mut self, _: &Rebound) -> bool {
+        false
+    }
+}
+
+/// A lane passes steady motions by itself: it goes to the end without giving an arc back, and its events are those of the run.
+#[test]
+fn a_lane_passes_steady_motions_by_itself() {
+    for (name, has_lane) in
+        [("W1a-ds", true), ("W1b-ds", true), ("W1c-ds", true), ("W5b-p", true), ("W2b", false), ("W3", false)]
+    {
+        let simulation = Simulation::from_scene(scene(name)).unwrap();
+        let Some(mut lane) = simulation.structure.lane() else {
+            assert!(!has_lane, "{name}");
+            continue;
+        };
+        assert!(has_lane, "{name}");
+        let start = simulation.start_at(&simulation.q0, &simulation.v0).unwrap();
+        let (clock, mut watching) = (simulation.clock(), Watching::default());
+        let mut engine = engine(&simulation, start, Options::default());
+        engine.run(clock.at(50, 0.0), &mut watching).unwrap();
+        let (before, State { mut at, mut x, mut jump }) = (engine.counters(), engine.state().clone());
+        engine.run(clock.at(100, 0.0), &mut watching).unwrap();
+        let (mut carried, end) = (Vec::new(), clock.at(100, 0.0));
+        let point = LanePoint {
+            at: &mut at,
+            x: &mut x,
+            jump: &mut jump,
+            carried: &mut carried,
+            arcs: before.arcs,
+            impact: None,
+        };
+        let lap = lane.run(point, end, Budget { events: u64::MAX, steps: u64::MAX }, &mut Free);
+        assert_eq!((lap.end, lap.events), (LapEnd::Bound, engine.counters().events - before.events), "{name}");
+    }
+}
