@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The scene with its load free, and its speed as the second number.
     let load = Parameter::new(scene.resolved(), &["/train/torque_nm"])?;
     let speed = Parameter::new(scene.resolved(), &["/train/speed_rpm"])?;
-    let family = Family::new(&scene, load, [5.0, 200.0])?.with(speed, [2000.0, 2800.0])?;
+    let family = Family::new(&scene, load, [20.0, 60.0])?.with(speed, [2390.0, 2430.0])?;
 
     // The orbit of the scene, followed over the load: folds, and loads at which contact is first lost.
     let method = Continuation { doublings: 0, ..Continuation::default() };

@@ -8,7 +8,7 @@
 //! ‖x − x_N‖ ≤ T = D H/((N + 1)(1 − ρ)),   ρ = H L/(N + 1) < 1,   D = L ‖X_N‖ + Σ_{k≥N} |F_k| + Σ_{i≤N} |p_i| Σ_{l≥N−i} |k_l|
 //! ```
 //!
-//! F is the forcing by harmonics, k the part of the stiffnesses that varies, p the penetrations. This is a proof: `docs/EVENTS.md`
+//! F is the forcing by harmonics, k the part of the stiffnesses that varies, p the penetrations. This is a proof: `docs/THEORY.md`
 //! has the derivation.
 
 use super::{Elasticity, Expansion, Force, LANES, ORDER, ROW, defect::Defect, motion::Part, sizes::largest_of};

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! f is a polynomial F of degree S − 1, by its values at S nodes, v and y are its integrals, t that of the interpolant of w. Picard
-//! iteration brings F to f at the nodes. The rest is bounded, [`docs/EVENTS.md`](../../docs/EVENTS.md), line 39.
+//! iteration brings F to f at the nodes. The rest is bounded, see `docs/THEORY.md`, section 10.
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler unrolls
 

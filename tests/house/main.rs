@@ -8,3 +8,4 @@ mod pages;
 mod readers;
 #[cfg(feature = "cli")]
 mod reference_page;
+mod words;

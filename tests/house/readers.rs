@@ -3,7 +3,7 @@
 #![cfg(feature = "import")]
 
 #[path = "../../.ci/fuzz/readers.rs"]
-mod readers;
+mod fuzz;
 
 use proptest::{prelude::*, sample::Index};
 
@@ -42,18 +42,18 @@ proptest! {
 
     #[test]
     fn scenes(text in prop::sample::select(SCENES.to_vec()), edits in edits()) {
-        readers::scene(&changed(text, &edits));
+        fuzz::scene(&changed(text, &edits));
     }
 
     #[test]
     fn gearboxes(edits in edits()) {
-        readers::imported(&changed(GEARBOX, &edits));
+        fuzz::imported(&changed(GEARBOX, &edits));
     }
 
     #[test]
     fn noise(bytes in prop::collection::vec(any::<u8>(), 0..64)) {
-        readers::scene(&bytes);
-        readers::imported(&bytes);
+        fuzz::scene(&bytes);
+        fuzz::imported(&bytes);
     }
 }
 
@@ -62,6 +62,6 @@ proptest! {
 
     #[test]
     fn rows(bytes in prop::collection::vec(any::<u8>(), 4..24)) {
-        readers::rows(&bytes);
+        fuzz::rows(&bytes);
     }
 }
