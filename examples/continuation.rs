@@ -3,18 +3,15 @@
 //! ```text
 //! cargo run --release --example continuation
 //!
-//! torus                 18.07776983993136 N m  word c0+ r0+ x0+
-//! fold                  40.91562578544466 N m  word c0+ r0+ x0+
-//! grazing-damped        7.185311631016235 N m  word c0+ r0+ x0+
-//! fold                   7.18508500186426 N m  word c0+ r0+ x0+ c0+ r0+ x0+
+//! grazing-damped       22.829980429595032 N m  word c0+ r0+ x0+ c0+ r0+ x0+
+//! grazing-damped        22.93286420367365 N m  word c0+ r0+ x0+
+//! fold                  23.30701649658222 N m  word c0+ r0+ x0+
 //! ...
-//!    2000.0000 rev/min     10.814973 N m
-//!    2215.4786 rev/min     15.342090 N m
-//!    2386.9102 rev/min     24.057648 N m
-//!    2425.3574 rev/min     27.931939 N m
-//!    2554.6771 rev/min     54.524645 N m
-//!    2617.7514 rev/min     54.597153 N m
-//!    2732.2535 rev/min     23.529655 N m
+//! grazing-damped       25.236995869734123 N m  word
+//!    2390.0000 rev/min     24.324738 N m
+//!    2398.9194 rev/min     25.134730 N m
+//!    2401.0805 rev/min     25.340186 N m
+//!    2410.9842 rev/min     26.331586 N m
 //! ```
 
 use std::{
