@@ -15,7 +15,7 @@ use std::{
 
 use flank::{
     Task,
-    map::{Basins, Diagram, KindMap, Rule, Sampling},
+    map::{Basins, CellRule, Diagram, KindMap, Sampling},
     scene::Scene,
     sweep::{Begin, Seeding, Share},
 };
@@ -50,11 +50,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let map = KindMap::new(
         scene.clone(),
         &[axis(FREQUENCY, COUNT), axis("/train/mean_load=0.02:0.3", COUNT)],
-        Rule::default(),
+        CellRule::default(),
         &[] as &[&str],
     )?;
     let starts = [axis("/initial/q/0=-2:2", COUNT), axis("/initial/v/0=-1:1", COUNT)];
-    let basins = Basins::new(scene.clone(), &starts, Rule::default())?;
+    let basins = Basins::new(scene.clone(), &starts, CellRule::default())?;
     let diagram = Diagram::new(scene, &[axis(FREQUENCY, VALUES)], Seeding::Both, Sampling::default())?;
     let cells = |folder: &Path| {
         let mut lines = map.open(folder, Begin::Replace, Share::ALL)?.ok_or("a finished map")?;

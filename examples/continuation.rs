@@ -21,7 +21,7 @@ use std::{
 
 use flank::{
     Task,
-    branch::{Continuation, Family, Kind, curves},
+    branch::{Continuation, Family, SpecialKind, curves},
     scene::Scene,
     simulation::Parameter,
 };
@@ -43,7 +43,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 
     // The graze of the motion without events is the rattle threshold. It is followed over the speed.
-    let found = curves(&family, Kind::GrazingDamped, &followed.branches, Vec::new(), &mut |_| Ok(()), Task::default())?;
+    let found =
+        curves(&family, SpecialKind::GrazingDamped, &followed.branches, Vec::new(), &mut |_| Ok(()), Task::default())?;
     for point in
         found.iter().filter(|curve| curve.points[0].word.is_empty()).flat_map(|curve| &curve.points).step_by(10)
     {

@@ -16,7 +16,7 @@ use std::{
     io::{self, Write},
 };
 
-use flank::{Simulation, Task, map::Rule, scene::Scene};
+use flank::{Simulation, Task, map::CellRule, scene::Scene};
 use serde_json::json;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let numbers =
                 [("/train/mean_load", json!(load)), ("/train/transmission_error/0/frequency", json!(frequency))];
             let simulation = Simulation::from_scene(scene.with_all(numbers)?)?;
-            let cell = Rule::default().decide(&simulation, simulation.start()?, Task::default())?;
+            let cell = CellRule::default().decide(&simulation, simulation.start()?, Task::default())?;
             let cell = cell.ok_or("interrupted")?;
             let period = cell.motion.period.map_or_else(|| "-".to_owned(), |period| period.to_string());
             write!(out, "  {period:>2} {:<12}", cell.impacts.word())?;

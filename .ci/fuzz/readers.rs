@@ -3,7 +3,7 @@
 use flank::{
     import::{ImportError, Options, import},
     scene::Scene,
-    sweep::{Begin, Kept, Records, Rows, Share},
+    sweep::{Begin, CommandFiles, Records, Rows, Share},
 };
 
 /// A scene is read or refused with words; its resolved form is the same scene.
@@ -34,7 +34,7 @@ pub fn imported(bytes: &[u8]) {
 /// Rows of the file, and their texts.
 const COUNT: usize = 12;
 const TEXTS: [&str; 3] = ["0.5,periodic,1,", "-1e-300,,\"a, b\"", "{\"kept\":[1,2.5]}"];
-const KEPT: Kept = Kept { command: "fuzz", files: &["fuzz.rows", "fuzz.json", "fuzz.csv"] };
+const KEPT: CommandFiles = CommandFiles { command: "fuzz", files: &["fuzz.rows", "fuzz.json", "fuzz.csv"] };
 
 /// A file of rows with some bytes changed gives the rows that were kept or none; `bytes` are edits: place (two bytes), kind, byte.
 pub fn rows(bytes: &[u8]) {

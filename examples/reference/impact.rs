@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use flank::{
     analysis::Contacts,
-    engine::{Jumped, Observer},
+    engine::{JumpRecord, Observer},
     event::EventRecord,
     hybrid::Mode,
     integrate::DenseStep,
@@ -96,7 +96,7 @@ impl Observer for Watch<'_> {
         self.contacts.wants_jumps()
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         self.contacts.jump(jumped);
     }
 

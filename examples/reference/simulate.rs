@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use flank::{
-    analysis::{Contacts, EventLog, EventRow, Kind},
+    analysis::{Contacts, EventKind, EventLog, EventRow},
     engine::{Engine, Observer, Options, State},
     integrate::{Choice, build},
     scene::Scene,
@@ -21,7 +21,7 @@ pub fn run(scene: &Value, t0: f64) -> Outcome<Value> {
     let mut log = EventLog::new(&structure, contacts, |row: EventRow| {
         rows.extend(row.contacts.iter().filter_map(|c| {
             let kind = serde_json::to_value(c.kind).ok()?;
-            let known = !matches!(c.kind, Kind::Clear | Kind::Graze | Kind::Start);
+            let known = !matches!(c.kind, EventKind::Clear | EventKind::Graze | EventKind::Start);
             known.then(|| json!({ "t": row.t, "kind": kind, "mesh": c.mesh, "velocity": c.velocity }))
         }));
         ControlFlow::Continue(())

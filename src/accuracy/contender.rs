@@ -7,7 +7,9 @@ use serde::Serialize;
 use super::{AccuracyError, Problem, problem::Passages};
 use crate::{
     analysis::Contacts,
-    baseline::{Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch},
+    baseline::{
+        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, SampleObserver,
+    },
     engine::Engine,
     gear::contact::Law,
     integrate::{Choice, IntegrateError},
@@ -16,7 +18,7 @@ use crate::{
 
 /// Kinds of solvers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Kind {
+pub enum SolverKind {
     /// A fixed-step method.
     Fixed(Method),
     /// An adaptive solver without events.
@@ -31,7 +33,7 @@ pub struct Contender {
     /// Word that names it: see [`Contender::parse`].
     pub name: String,
     /// Solver.
-    pub kind: Kind,
+    pub kind: SolverKind,
     /// Smoothing of the flanks, used by baselines alone.
     pub ramp: Ramp,
     /// Interpolation of crossings between samples, used by baselines alone.
@@ -110,21 +112,21 @@ impl Contender {
         let base = parts.next().unwrap_or_default();
         let (base, value) = base.split_once('=').map_or((base, None), |(b, v)| (b, Some(v)));
         let kind = match base {
-            "rk4" => Kind::Fixed(Method::Rk4),
-            "newmark" => Kind::Fixed(Method::Alpha(Alpha::NEWMARK)),
-            "hht" => Kind::Fixed(Method::Alpha(Alpha::hht(number(value.unwrap_or("0.1"), 0.0, 1.0 / 3.0)?))),
+            "rk4" => SolverKind::Fixed(Method::Rk4),
+            "newmark" => SolverKind::Fixed(Method::Alpha(Alpha::NEWMARK)),
+            "hht" => SolverKind::Fixed(Method::Alpha(Alpha::hht(number(value.unwrap_or("0.1"), 0.0, 1.0 / 3.0)?))),
             "generalized-alpha" => {
-                Kind::Fixed(Method::Alpha(Alpha::generalised(number(value.unwrap_or("0.8"), 0.0, 1.0)?)))
+                SolverKind::Fixed(Method::Alpha(Alpha::generalised(number(value.unwrap_or("0.8"), 0.0, 1.0)?)))
             }
-            "euler" => Kind::Fixed(Method::SemiImplicitEuler),
-            "verlet" => Kind::Fixed(Method::Verlet),
-            "tsit45" => Kind::Adaptive(Choice::Explicit),
-            "esdirk34" => Kind::Adaptive(Choice::Sdirk),
-            "bdf" => Kind::Adaptive(Choice::Bdf),
-            "flank" => Kind::Engine(Choice::Auto),
-            "flank-explicit" => Kind::Engine(Choice::Explicit),
-            "flank-sdirk" => Kind::Engine(Choice::Sdirk),
-            "flank-bdf" => Kind::Engine(Choice::Bdf),
+            "euler" => SolverKind::Fixed(Method::SemiImplicitEuler),
+            "verlet" => SolverKind::Fixed(Method::Verlet),
+            "tsit45" => SolverKind::Adaptive(Choice::Explicit),
+            "esdirk34" => SolverKind::Adaptive(Choice::Sdirk),
+            "bdf" => SolverKind::Adaptive(Choice::Bdf),
+            "flank" => SolverKind::Engine(Choice::Auto),
+            "flank-explicit" => SolverKind::Engine(Choice::Explicit),
+            "flank-sdirk" => SolverKind::Engine(Choice::Sdirk),
+            "flank-bdf" => SolverKind::Engine(Choice::Bdf),
             _ => return Err(fault(format!("known methods: {WORDS}"))),
         };
         if value.is_some() && !matches!(base, "hht" | "generalized-alpha") {
@@ -132,7 +134,7 @@ impl Contender {
         }
         let (mut ramp, mut interpolation) = (Ramp::Sharp, Interpolation::Linear);
         for part in parts {
-            if matches!(kind, Kind::Engine(_)) {
+            if matches!(kind, SolverKind::Engine(_)) {
                 return Err(fault(
                     "the engine's flanks are sharp and its events exact: nothing can be added".to_owned(),
                 ));
@@ -157,31 +159,33 @@ impl Contender {
     pub fn applies_to(&self, structure: &Structure) -> bool {
         let is_rigid = |c: &ContactSpec| matches!(c.law, Law::Rigid(_));
         match self.kind {
-            Kind::Adaptive(_) => cfg!(feature = "diffsol") && !structure.spec().contacts.iter().any(is_rigid),
-            Kind::Engine(Choice::Explicit | Choice::Sdirk | Choice::Bdf) => cfg!(feature = "diffsol"),
+            SolverKind::Adaptive(_) => cfg!(feature = "diffsol") && !structure.spec().contacts.iter().any(is_rigid),
+            SolverKind::Engine(Choice::Explicit | Choice::Sdirk | Choice::Bdf) => cfg!(feature = "diffsol"),
             _ => true,
         }
     }
 
     /// Largest `h ω` at which a fixed-step method is stable: see [`Method::stability_limit`].
     pub(super) fn stability_limit(&self) -> Option<f64> {
-        if let Kind::Fixed(method) = self.kind { method.stability_limit() } else { None }
+        if let SolverKind::Fixed(method) = self.kind { method.stability_limit() } else { None }
     }
 
     /// Settings from coarse to fine, with at most `most` steps over `cycles`.
     pub(super) fn settings(&self, cycles: u64, most: u64) -> Vec<Setting> {
         match self.kind {
             // Numbers of steps that no stiffness step of a round duty falls on.
-            Kind::Fixed(_) => (0..36)
+            SolverKind::Fixed(_) => (0..36)
                 .map(|i| [47, 101, 223][i % 3] * 10u64.pow((i / 3) as u32))
                 .map(|n| if n > 1000 { n + 1 } else { n })
                 .take_while(|n| n.saturating_mul(cycles) <= most)
                 .map(Setting::StepsPerCycle)
                 .collect(),
-            Kind::Engine(Choice::Auto | Choice::Taylor) => {
+            SolverKind::Engine(Choice::Auto | Choice::Taylor) => {
                 EVENT_TOLERANCES.map(Setting::EventTolerance).into_iter().chain([Setting::RoundOff]).collect()
             }
-            Kind::Adaptive(_) | Kind::Engine(_) => (1..=6).map(|i| Setting::Tolerance(10f64.powi(-2 * i))).collect(),
+            SolverKind::Adaptive(_) | SolverKind::Engine(_) => {
+                (1..=6).map(|i| Setting::Tolerance(10f64.powi(-2 * i))).collect()
+            }
         }
     }
 
@@ -190,7 +194,7 @@ impl Contender {
     /// # Errors
     /// [`AccuracyError`] if the engine fails; a baseline that breaks down says so in its [`Performance`].
     pub fn perform(&self, problem: &Problem<'_>, cycles: u64, setting: Setting) -> Result<Performance, AccuracyError> {
-        if let Kind::Engine(choice) = self.kind {
+        if let SolverKind::Engine(choice) = self.kind {
             return engine(problem, cycles, choice, setting);
         }
         let model = Penalty::new(problem.structure(), self.ramp);
@@ -210,7 +214,7 @@ impl Contender {
     /// # Errors
     /// As [`perform`](Self::perform).
     pub fn solve(&self, problem: &Problem<'_>, cycles: u64, setting: Setting) -> Result<usize, AccuracyError> {
-        if let Kind::Engine(choice) = self.kind {
+        if let SolverKind::Engine(choice) = self.kind {
             let mut passages = Passages::new(problem);
             let mut engine = within(problem, choice, setting)?;
             engine.run(problem.section(cycles), &mut passages)?;
@@ -234,17 +238,17 @@ impl Contender {
         problem: &Problem<'_>,
         cycles: u64,
         setting: Setting,
-        watch: &mut impl Watch,
+        watch: &mut impl SampleObserver,
     ) -> Result<Counters, (Counters, String)> {
         let per_cycle = self.per_cycle(setting);
         let step = problem.period / per_cycle as f64;
         let grid = Grid { from: problem.start.at, step, steps: per_cycle * cycles };
         let start = problem.coordinates();
         match (self.kind, setting) {
-            (Kind::Fixed(method), _) => {
+            (SolverKind::Fixed(method), _) => {
                 model.drive(method, &grid, start, watch).map_err(|diverged| (diverged.counters, diverged.to_string()))
             }
-            (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => model
+            (SolverKind::Adaptive(solver), Setting::Tolerance(rtol)) => model
                 .adaptive(solver, rtol, &grid, start, watch)
                 .map_err(|error| (Counters::default(), error.to_string())),
             _ => Err((Counters::default(), "an adaptive solver needs a tolerance".to_owned())),
@@ -296,7 +300,7 @@ struct Record<'m> {
     peak: Vec<f64>,
 }
 
-impl Watch for Record<'_> {
+impl SampleObserver for Record<'_> {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         for (peak, touch) in self.peak.iter_mut().zip(&sample.point.contacts) {
             *peak = peak.max(touch.force.abs());

@@ -16,10 +16,10 @@ mod work_precision;
 #[cfg(feature = "plot")]
 mod work_precision_page;
 
-pub use contender::{Contender, Kind, Performance, Setting};
+pub use contender::{Contender, Performance, Setting, SolverKind};
 pub use error::AccuracyError;
 pub use order::{Order, Roughness, reached};
 pub use problem::Problem;
 pub use score::Score;
 pub use truth::{Truth, Window};
-pub use work_precision::{ContenderSummary, Row, RunTime, WorkPrecision, median};
+pub use work_precision::{ContenderRun, ContenderSummary, RunTime, WorkPrecision, median};

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Contender, Kind};
+use super::{Contender, SolverKind};
 use crate::{
     baseline::{Interpolation, Ramp},
     gear::{
@@ -106,7 +106,7 @@ impl Order {
     /// events, coarse to fine; `error` is the truth's own. `None` for others.
     #[must_use]
     pub fn of(contender: &Contender, structure: &Structure, runs: &[(u64, f64)], error: f64) -> Option<Self> {
-        let Kind::Fixed(method) = contender.kind else { return None };
+        let SolverKind::Fixed(method) = contender.kind else { return None };
         let runs: Vec<_> = runs.iter().copied().filter(|(_, e)| *e > RESOLVED * error).collect();
         let observed = slope(&runs);
         let smooth = method.order();

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{
-    AccuracyError, Contender, Kind, Order, Problem, Score, Setting, Truth, reached, stability::highest_frequency,
+    AccuracyError, Contender, Order, Problem, Score, Setting, SolverKind, Truth, reached, stability::highest_frequency,
 };
 use crate::{
     baseline::Counters,
@@ -50,7 +50,7 @@ pub struct RunTime {
 
 /// One run of one contender.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row<'a> {
+pub struct ContenderRun<'a> {
     /// Contender that was run.
     pub contender: &'a Contender,
     /// Resolution of the run.
@@ -65,10 +65,10 @@ pub struct Row<'a> {
     pub stopped: Option<String>,
 }
 
-impl Row<'_> {
+impl ContenderRun<'_> {
     /// Returns the evaluations of the contact forces; none for the engine, which expands series.
     pub(super) fn evaluations(&self) -> Option<u64> {
-        (!matches!(self.contender.kind, Kind::Engine(_))).then_some(self.work.evaluations)
+        (!matches!(self.contender.kind, SolverKind::Engine(_))).then_some(self.work.evaluations)
     }
 }
 
@@ -96,7 +96,7 @@ pub struct WorkPrecision<'a> {
     /// The engine's own solution.
     pub truth: Truth,
     /// The runs made.
-    pub rows: Vec<Row<'a>>,
+    pub rows: Vec<ContenderRun<'a>>,
 }
 
 impl<'a> WorkPrecision<'a> {
@@ -142,7 +142,7 @@ impl<'a> WorkPrecision<'a> {
             let run = contender.perform(self.problem, self.truth.window.cycles, setting)?;
             let score = Score::of(&self.truth, &run, self.problem.period);
             let time = self.time(contender, setting, repetitions, clock)?;
-            self.rows.push(Row { contender, setting, score, work: run.work, time, stopped: run.stopped });
+            self.rows.push(ContenderRun { contender, setting, score, work: run.work, time, stopped: run.stopped });
             task.advance();
         }
         Ok(true)
@@ -215,7 +215,7 @@ impl<'a> WorkPrecision<'a> {
     }
 
     /// Returns the setting of a run in words, marked if it is beyond the stability limit.
-    fn setting(&self, row: &Row<'_>) -> String {
+    fn setting(&self, row: &ContenderRun<'_>) -> String {
         let unstable = match (row.setting, self.stable_steps(row.contender)) {
             (Setting::StepsPerCycle(n), Some(stable)) => (n as f64) < stable,
             _ => false,
@@ -225,7 +225,8 @@ impl<'a> WorkPrecision<'a> {
 
     /// The fixed-step method that is cheapest at target `i`: reached ones before extrapolated ones.
     fn best<'s>(&self, summaries: &'s [ContenderSummary], i: usize) -> Option<(&'s ContenderSummary, f64, bool)> {
-        let fixed = |name: &str| self.contenders.iter().any(|c| c.name == name && matches!(c.kind, Kind::Fixed(_)));
+        let fixed =
+            |name: &str| self.contenders.iter().any(|c| c.name == name && matches!(c.kind, SolverKind::Fixed(_)));
         summaries
             .iter()
             .filter(|s| fixed(&s.name))
@@ -310,7 +311,10 @@ impl<'a> WorkPrecision<'a> {
                 self.setting(row),
                 match s.event_time {
                     // The reference against itself: its error is its own estimate.
-                    Some(e) if row.contender.kind == Kind::Engine(Choice::Auto) && row.setting == Setting::RoundOff => {
+                    Some(e)
+                        if row.contender.kind == SolverKind::Engine(Choice::Auto)
+                            && row.setting == Setting::RoundOff =>
+                    {
                         format!("≤ {}", small(e.max(self.truth.error)))
                     }
                     e => e.map_or("-".to_owned(), small),
@@ -362,8 +366,9 @@ impl<'a> WorkPrecision<'a> {
             let (name, setting, n) = (&row.contender.name, row.setting, row.work.unconverged);
             format!("{name}, {setting}: Newton's iteration did not converge in {n} steps")
         });
-        let stopped =
-            |row: &Row<'_>| Some(format!("{}, {}: {}", row.contender.name, row.setting, row.stopped.as_ref()?));
+        let stopped = |row: &ContenderRun<'_>| {
+            Some(format!("{}, {}: {}", row.contender.name, row.setting, row.stopped.as_ref()?))
+        };
         self.rows.iter().filter_map(stopped).chain(unconverged).collect()
     }
 }

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{
-    ContenderSummary, Kind, Row, Score, Truth, WorkPrecision,
+    ContenderRun, ContenderSummary, Score, SolverKind, Truth, WorkPrecision,
     work_precision::{TARGETS, fold},
 };
 use crate::{
@@ -33,7 +33,8 @@ impl WorkPrecision<'_> {
         figures.iter().try_for_each(|figure| figure.write(folder, print))?;
         folder.bytes(TABLE, self.csv())?;
         folder.complete(ERRORS, &self.json(summaries))?;
-        let time = |row: &Row<'_>| json!({ "method": row.contender.name, "setting": row.setting, "time": row.time });
+        let time =
+            |row: &ContenderRun<'_>| json!({ "method": row.contender.name, "setting": row.setting, "time": row.time });
         let times: Vec<Value> = self.rows.iter().map(time).collect();
         let ratios: Vec<Value> = summaries
             .iter()
@@ -123,9 +124,9 @@ impl WorkPrecision<'_> {
 }
 
 /// A measure of error: its name, its unit, its value.
-type Measure = (&'static str, &'static str, fn(&Score) -> Option<f64>);
+type ErrorMeasure = (&'static str, &'static str, fn(&Score) -> Option<f64>);
 
-const MEASURES: [Measure; 4] = [
+const MEASURES: [ErrorMeasure; 4] = [
     ("largest error of event times", "T", |s| s.event_time),
     ("error of the time apart, share of the window", "", |s| s.apart),
     ("error of the state at the starts of cycles, share of its size", "", |s| s.state),
@@ -133,18 +134,19 @@ const MEASURES: [Measure; 4] = [
 ];
 
 /// Errors against steps a cycle, and against time. Open marks: the sequence of events is wrong.
-fn charts(name: &str, truth: &Truth, rows: &[Row<'_>]) -> [Figure; 2] {
-    let chart = |id: &str, against: &str, caption: String, x: Axis, cost: &dyn Fn(&Row<'_>) -> f64, count: usize| {
-        let points: Vec<_> = rows.iter().map(|row| (row, cost(row))).collect();
-        let panels = MEASURES[..count].iter().map(|m| panel(m, &points, &x, truth));
-        Figure {
-            id: id.to_owned(),
-            title: format!("Accuracy against {against}: {name}"),
-            caption,
-            columns: 2,
-            panels: panels.filter(|p| !p.series.is_empty()).collect(),
-        }
-    };
+fn charts(name: &str, truth: &Truth, rows: &[ContenderRun<'_>]) -> [Figure; 2] {
+    let chart =
+        |id: &str, against: &str, caption: String, x: Axis, cost: &dyn Fn(&ContenderRun<'_>) -> f64, count: usize| {
+            let points: Vec<_> = rows.iter().map(|row| (row, cost(row))).collect();
+            let panels = MEASURES[..count].iter().map(|m| panel(m, &points, &x, truth));
+            Figure {
+                id: id.to_owned(),
+                title: format!("Accuracy against {against}: {name}"),
+                caption,
+                columns: 2,
+                panels: panels.filter(|p| !p.series.is_empty()).collect(),
+            }
+        };
     let (cycles, caption) = (truth.window.cycles as f64, caption(truth));
     let timed = format!("{caption} Medians of alternating repetitions on one core.");
     let (steps, time) = (logarithmic("steps a cycle", ""), logarithmic("time a cycle", "µs"));
@@ -173,7 +175,7 @@ fn caption(truth: &Truth) -> String {
 const ENGINE: usize = 6;
 
 /// Errors of nothing cannot be drawn on a logarithmic axis; they stand at the truth's own.
-fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], x: &Axis, truth: &Truth) -> Panel {
+fn panel(measure: &ErrorMeasure, points: &[(&ContenderRun<'_>, f64)], x: &Axis, truth: &Truth) -> Panel {
     let (name, error_unit, of) = measure;
     let floor = truth.error.max(f64::EPSILON);
     let mut names: Vec<&str> = Vec::new();
@@ -186,7 +188,9 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], x: &Axis, truth: &Truth)
     let (mut series, mut wrong) = (Vec::new(), Vec::new());
     let mut next = (0..).filter(|c| *c != ENGINE);
     for name in &names {
-        let is_engine = |row: &Row<'_>| row.contender.name == *name && row.contender.kind == Kind::Engine(Choice::Auto);
+        let is_engine = |row: &ContenderRun<'_>| {
+            row.contender.name == *name && row.contender.kind == SolverKind::Engine(Choice::Auto)
+        };
         let is_engine = points.iter().any(|(row, _)| is_engine(row));
         let colour = if is_engine { ENGINE } else { next.next().unwrap_or(0) };
         let all: Vec<(f64, f64, bool)> = points

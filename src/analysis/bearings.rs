@@ -4,14 +4,14 @@ use std::ops::ControlFlow;
 
 use super::{
     extent::Extent,
-    piece::{Piece, Row, measured_parts},
+    piece::{Piece, Polynomial, measured_parts},
     report::{BearingForce, BearingReport},
     sum::Sum,
     track::Spread,
 };
 use crate::{
     engine::Observer,
-    hybrid::{Clock, HybridSystem, Instant, Mode, Shown},
+    hybrid::{Clock, HybridSystem, Instant, Mode, StepQuantity},
     integrate::DenseStep,
     poly::MAX_DEGREE,
     system::{Bearing, BearingSpring, Structure},
@@ -25,8 +25,8 @@ pub struct Bearings<'s> {
     from: Option<Instant>,
     piece: Piece,
     /// Components of the state in the forces, and their rows.
-    state: Vec<(usize, Row)>,
-    square: Row,
+    state: Vec<(usize, Polynomial)>,
+    square: Polynomial,
     time: Sum,
     tracks: Vec<Track>,
 }
@@ -43,7 +43,7 @@ struct Direction {
     /// Components of the state, by their places among the stored ones, and the factors of the force.
     terms: Vec<(usize, f64)>,
     /// Force on a piece.
-    row: Row,
+    row: Polynomial,
     spread: Spread,
     extent: Extent,
 }
@@ -54,14 +54,14 @@ impl<'s> Bearings<'s> {
     pub fn new(structure: &'s Structure, from: Option<Instant>) -> Self {
         let clock = *structure.clock();
         let bearings = &structure.spec().bearings[..];
-        let mut state: Vec<(usize, Row)> = Vec::new();
+        let mut state: Vec<(usize, Polynomial)> = Vec::new();
         let mut direction = |spring: &BearingSpring| {
             let n = spring.direction.len();
             let moved = spring.direction.iter().enumerate().filter(|(_, d)| **d != 0.0);
             let factors = moved.flat_map(|(i, d)| [(i, spring.stiffness * d), (n + i, spring.damping * d)]);
             let term = |(i, factor): (usize, f64)| {
                 let place = state.iter().position(|(other, _)| *other == i).unwrap_or_else(|| {
-                    state.push((i, Row::new()));
+                    state.push((i, Polynomial::new()));
                     state.len() - 1
                 });
                 (place, factor)
@@ -82,7 +82,7 @@ impl<'s> Bearings<'s> {
             from,
             piece: Piece::new(clock, structure.dim()),
             state,
-            square: Row::new(),
+            square: Polynomial::new(),
             time: Sum::default(),
             tracks,
         }
@@ -132,7 +132,7 @@ impl Observer for Bearings<'_> {
             piece.cut(step, low, high);
             self.time.add(piece.length);
             for (i, row) in &mut *state {
-                piece.rows(step, [Shown::State(*i)], [row], |_, x, _| [x[*i]]);
+                piece.rows(step, [StepQuantity::State(*i)], [row], |_, x, _| [x[*i]]);
             }
             for track in &mut *tracks {
                 // Bound of the square of the absolute force.

@@ -3,17 +3,17 @@
 use std::ops::ControlFlow;
 
 use super::{
-    episode::{Blows, Episode, Moment, Separation, Spell, flank},
+    episode::{Blows, Episode, Moment, OpenEpisode, Separation, flank},
     extent::Extent,
-    piece::{Piece, Row, measured_parts},
+    piece::{Piece, Polynomial, measured_parts},
     report::ContactReport,
     sum::Sum,
     track::Track,
 };
 use crate::{
-    engine::{Jumped, Observer},
+    engine::{JumpRecord, Observer},
     event::EventRecord,
-    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode, Power, Shown, Transition},
+    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode, Power, StepQuantity, Transition},
     integrate::DenseStep,
 };
 
@@ -25,7 +25,7 @@ pub struct Contacts<'s, S: ?Sized> {
     from: Option<Instant>,
     keep: usize,
     piece: Piece,
-    rows: [Row; 2],
+    rows: [Polynomial; 2],
     impulses: Vec<f64>,
     time: Sum,
     tracks: Vec<Track>,
@@ -124,7 +124,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             if !measured && !presses {
                 continue;
             }
-            let [of_deflection, of_force] = [Shown::Deflection(j), Shown::Force(j)];
+            let [of_deflection, of_force] = [StepQuantity::Deflection(j), StepQuantity::Force(j)];
             let side = state.side();
             if !presses {
                 piece.rows(step, [of_deflection], [deflection], |at, x, _| [system.deflection(j, side, at, x).0]);
@@ -224,13 +224,13 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
 
     /// Begins a spell whose beginning was not observed.
     fn begin(&mut self, j: usize, state: ContactMode, at: Instant) {
-        self.tracks[j].spell = Some(Spell::new(state.is_closed(), at, state.side()));
+        self.tracks[j].spell = Some(OpenEpisode::new(state.is_closed(), at, state.side()));
     }
 
     /// Begins a spell at an event, on (or off) the flank of `side`.
     fn open(&mut self, j: usize, state: ContactMode, at: Instant, side: f64, measured: bool) {
         let track = &mut self.tracks[j];
-        let spell = Spell { whole: measured, ..Spell::new(state.is_closed(), at, side) };
+        let spell = OpenEpisode { whole: measured, ..OpenEpisode::new(state.is_closed(), at, side) };
         track.spell = Some(spell);
         if measured {
             track.counts.separations += u64::from(!spell.closed);
@@ -302,9 +302,9 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         let Self { system, impulses, tracks, .. } = self;
-        let Jumped { at, from, to, x_minus, x_plus, .. } = *jumped;
+        let JumpRecord { at, from, to, x_minus, x_plus, .. } = *jumped;
         let (from, to, fired) = (&from.mode, &to.mode, &(jumped.fired | &to.struck));
         system.impulses(&Transition { at, fired, from, to, x_minus, x_plus }, impulses);
         for (j, track) in tracks.iter_mut().enumerate().filter(|(j, _)| impulses[*j] != 0.0) {

@@ -95,7 +95,7 @@ impl Blows {
 
 /// Current contact episode or separation of a contact.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Spell {
+pub(super) struct OpenEpisode {
     pub closed: bool,
     pub began: Instant,
     /// True if its beginning was observed and lies in the measured time.
@@ -116,7 +116,7 @@ pub(super) fn flank(side: f64) -> &'static str {
     if side > 0.0 { ContactMode::Drive.name() } else { ContactMode::Back.name() }
 }
 
-impl Spell {
+impl OpenEpisode {
     pub fn new(closed: bool, began: Instant, side: f64) -> Self {
         Self {
             closed,

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::contacts::{Contacts, side_at};
 use crate::{
-    engine::{Jumped, Observer},
+    engine::{JumpRecord, Observer},
     event::EventRecord,
     hybrid::{ContactMode, ContactView, HybridSystem, Mode},
     integrate::DenseStep,
@@ -18,7 +18,7 @@ const DIGITS: usize = 32;
 /// Kind of an event of one contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum EventKind {
     /// Force begins on the drive flank.
     DriveContact,
     /// Force begins on the back flank.
@@ -47,7 +47,7 @@ pub struct ContactEvent {
     /// Name of the contact.
     pub name: String,
     /// Kind of the event.
-    pub kind: Kind,
+    pub kind: EventKind,
     /// State of the contact before the event.
     pub from: &'static str,
     /// State of the contact after the event.
@@ -165,13 +165,16 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
         }
     }
 
-    fn contact(&self, j: usize, kind: Kind, record: &EventRecord) -> ContactEvent {
+    fn contact(&self, j: usize, kind: EventKind, record: &EventRecord) -> ContactEvent {
         let s = self.system;
         let (before, after) = (s.contact_mode(j, &record.from), s.contact_mode(j, &record.to));
         let side = side_at(s, j, record);
         let (deflection, rate) = s.deflection(j, side, record.at, &record.x_minus);
-        let begins = matches!(kind, Kind::DriveContact | Kind::BackContact);
-        let ended = self.contacts.ended(j).filter(|_| matches!(kind, Kind::Separation | Kind::Impact | Kind::Release));
+        let begins = matches!(kind, EventKind::DriveContact | EventKind::BackContact);
+        let ended = self
+            .contacts
+            .ended(j)
+            .filter(|_| matches!(kind, EventKind::Separation | EventKind::Impact | EventKind::Release));
         let contact_side = after.side();
         ContactEvent {
             mesh: j,
@@ -181,7 +184,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
             to: after.name(),
             deflection,
             velocity: if s.is_rigid(j) { -side * rate } else { rate },
-            blows: ended.map(|e| e.blows).filter(|_| kind == Kind::Impact),
+            blows: ended.map(|e| e.blows).filter(|_| kind == EventKind::Impact),
             approach: if begins { Some(contact_side * rate) } else { ended.map(|e| e.approach) },
             release: ended.map(|e| e.release),
             duration: ended.map(|e| e.duration),
@@ -196,39 +199,39 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
 }
 
 /// Returns the kinds of the event of contact `j`: up to two (an impact that comes to rest at once).
-fn kinds<S: ContactView + ?Sized>(s: &S, j: usize, record: &EventRecord) -> [Option<Kind>; 2] {
+fn kinds<S: ContactView + ?Sized>(s: &S, j: usize, record: &EventRecord) -> [Option<EventKind>; 2] {
     let (before, after) = (s.contact_mode(j, &record.from), s.contact_mode(j, &record.to));
     let fired = |flank: bool| {
         record.fired.iter().map(|id| s.watch(id)).any(|(k, watch)| k == j && (watch.side() != 0.0 || !flank))
     };
     let (closed, closes) = (before.is_closed(), after.is_closed());
     if record.graze {
-        return [fired(false).then_some(Kind::Graze), None];
+        return [fired(false).then_some(EventKind::Graze), None];
     }
     if s.is_rigid(j) {
         let struck = fired(true) && !closed && record.accumulation.is_none();
         let rate = |x: &[f64]| s.deflection(j, side_at(s, j, record), record.at, x).1;
         let moving = rate(&record.x_minus) != rate(&record.x_plus);
-        let impact = (struck && (moving || !record.start)).then_some(Kind::Impact);
+        let impact = (struck && (moving || !record.start)).then_some(EventKind::Impact);
         let rest = match (closed, closes) {
-            (false, true) => Some(Kind::Stick),
-            (true, false) => Some(Kind::Release),
+            (false, true) => Some(EventKind::Stick),
+            (true, false) => Some(EventKind::Release),
             _ => None,
         };
         return if impact.is_some() { [impact, rest] } else { [rest.or(start(record, fired(true))), None] };
     }
     let kind = match (closed, after) {
-        (false, ContactMode::Drive) => Some(Kind::DriveContact),
-        (false, ContactMode::Back) => Some(Kind::BackContact),
-        (true, _) if !closes => Some(Kind::Separation),
-        _ if before != after => Some(Kind::Clear),
+        (false, ContactMode::Drive) => Some(EventKind::DriveContact),
+        (false, ContactMode::Back) => Some(EventKind::BackContact),
+        (true, _) if !closes => Some(EventKind::Separation),
+        _ if before != after => Some(EventKind::Clear),
         _ => start(record, fired(true)),
     };
     [kind, None]
 }
 
-fn start(record: &EventRecord, on_flank: bool) -> Option<Kind> {
-    (record.start && on_flank).then_some(Kind::Start)
+fn start(record: &EventRecord, on_flank: bool) -> Option<EventKind> {
+    (record.start && on_flank).then_some(EventKind::Start)
 }
 
 impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<()>> Observer for EventLog<'_, S, F> {
@@ -240,7 +243,7 @@ impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<(
         self.contacts.wants_jumps()
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         self.contacts.jump(jumped);
     }
 

@@ -2,22 +2,22 @@
 
 use std::sync::LazyLock;
 
-use super::quadrature::{Rule, theta_at};
+use super::quadrature::{Quadrature, theta_at};
 use crate::{
-    hybrid::{Clock, Instant, Power, SAMPLES, Samples, Shown},
+    hybrid::{Clock, Instant, Power, SAMPLES, Samples, StepQuantity},
     integrate::DenseStep,
     poly::{self, CHEBYSHEV, Chebyshev, DEGREE},
 };
 
 /// Polynomial on the piece, `[0, 1]`; empty for zero.
-pub(super) type Row = Vec<f64>;
+pub(super) type Polynomial = Vec<f64>;
 
 /// Number of terms of the longest row: a series of order 24.
 const MOMENTS: usize = 25;
 
 /// Places and weights of the quadrature of powers.
 static GAUSS: LazyLock<[Samples; 2]> = LazyLock::new(|| {
-    let rule = Rule::gauss(SAMPLES);
+    let rule = Quadrature::gauss(SAMPLES);
     [std::array::from_fn(|i| rule.nodes[i]), std::array::from_fn(|i| rule.weights[i])]
 });
 
@@ -30,7 +30,7 @@ pub(super) struct Piece {
     /// Length of the piece, s.
     pub length: f64,
     /// Rate `dt/dθ` on the piece, s.
-    rate: Row,
+    rate: Polynomial,
     /// Moments `∫ θˡ dt` over the piece, s.
     moments: [f64; MOMENTS],
     x: Vec<f64>,
@@ -38,7 +38,15 @@ pub(super) struct Piece {
 
 impl Piece {
     pub fn new(clock: Clock, dim: usize) -> Self {
-        Self { clock, low: 0.0, width: 1.0, length: 0.0, rate: Row::new(), moments: [0.0; MOMENTS], x: vec![0.0; dim] }
+        Self {
+            clock,
+            low: 0.0,
+            width: 1.0,
+            length: 0.0,
+            rate: Polynomial::new(),
+            moments: [0.0; MOMENTS],
+            x: vec![0.0; dim],
+        }
     }
 
     /// Sets the piece to the part from `low` to `high` of `step`.
@@ -50,7 +58,7 @@ impl Piece {
             Some(_) => self.rate.push(self.length),
             None => {
                 let mut rate = std::mem::take(&mut self.rate);
-                self.rows(step, [Shown::Time], [&mut rate], |_, _, theta| [step.time(theta)]);
+                self.rows(step, [StepQuantity::Time], [&mut rate], |_, _, theta| [step.time(theta)]);
                 derive(&mut rate);
                 self.rate = rate;
             }
@@ -63,8 +71,8 @@ impl Piece {
     pub fn rows<const M: usize>(
         &mut self,
         step: &dyn DenseStep,
-        shown: [Shown; M],
-        mut rows: [&mut Row; M],
+        shown: [StepQuantity; M],
+        mut rows: [&mut Polynomial; M],
         mut value: impl FnMut(Instant, &[f64], f64) -> [f64; M],
     ) {
         if shown.iter().zip(&mut rows).all(|(what, row)| step.show(*what, row)) {
@@ -153,7 +161,7 @@ pub(super) fn measured_parts(
 }
 
 /// Replaces a row by its derivative.
-fn derive(row: &mut Row) {
+fn derive(row: &mut Polynomial) {
     if !row.is_empty() {
         row.remove(0);
     }

@@ -4,12 +4,12 @@ use crate::integrate::DenseStep;
 
 /// Nodes on `[0, 1]` and their weights.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Rule {
+pub(crate) struct Quadrature {
     pub nodes: Vec<f64>,
     pub weights: Vec<f64>,
 }
 
-impl Rule {
+impl Quadrature {
     /// Gauss–Legendre: exact to degree `2n − 1`.
     pub fn gauss(n: usize) -> Self {
         let (mut nodes, mut weights) = (Vec::with_capacity(n), Vec::with_capacity(n));
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn gauss_integrates_powers() {
-        let rule = Rule::gauss(16);
+        let rule = Quadrature::gauss(16);
         for d in 0..=31 {
             let sum: f64 = rule.nodes.iter().zip(&rule.weights).map(|(x, w)| w * x.powi(d)).sum();
             assert!((sum * f64::from(d + 1) - 1.0).abs() < 1e-14, "{d}: {sum}");

@@ -1,9 +1,9 @@
 //! Measures of one contact while a run goes on.
 
 use super::{
-    episode::{Blows, Episode, Separation, Spell},
+    episode::{Blows, Episode, OpenEpisode, Separation},
     extent::Extent,
-    piece::{Piece, Row},
+    piece::{Piece, Polynomial},
     report::{ContactReport, Impacts, Statistics},
     sum::Sum,
 };
@@ -11,7 +11,7 @@ use super::{
 #[derive(Clone, Debug, Default)]
 pub(super) struct Track {
     /// Current contact episode or separation.
-    pub spell: Option<Spell>,
+    pub spell: Option<OpenEpisode>,
     /// Blows at the current instant.
     pub blows: Blows,
     /// Episode that ended at the latest record.
@@ -45,7 +45,7 @@ pub(super) struct Spread {
 
 impl Spread {
     /// Adds the force on a piece; `force` is unchanged at the end.
-    pub fn take(&mut self, piece: &Piece, force: &mut Row) {
+    pub fn take(&mut self, piece: &Piece, force: &mut Polynomial) {
         if force.is_empty() {
             force.push(0.0);
         }

@@ -6,13 +6,13 @@ use serde::Serialize;
 
 use super::{
     extent::Extent,
-    piece::{Piece, Row, measured_parts},
-    quadrature::Rule,
+    piece::{Piece, Polynomial, measured_parts},
+    quadrature::Quadrature,
     sum::Sum,
 };
 use crate::{
     engine::Observer,
-    hybrid::{Clock, ContactView, HybridSystem, Instant, Mode, Shown},
+    hybrid::{Clock, ContactView, HybridSystem, Instant, Mode, StepQuantity},
     integrate::DenseStep,
 };
 
@@ -34,9 +34,9 @@ pub struct TransmissionError<'s, S: ?Sized> {
     system: &'s S,
     clock: Clock,
     from: Option<Instant>,
-    rule: Rule,
+    rule: Quadrature,
     piece: Piece,
-    row: Row,
+    row: Polynomial,
     /// Cosines and sines of the harmonics at the nodes.
     waves: Vec<[[f64; NODES]; 2]>,
     time: Sum,
@@ -104,9 +104,9 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
             system,
             clock,
             from,
-            rule: Rule::gauss(NODES),
+            rule: Quadrature::gauss(NODES),
             piece: Piece::new(clock, system.dim()),
-            row: Row::new(),
+            row: Polynomial::new(),
             waves: vec![[[0.0; NODES]; 2]; harmonics],
             time: Sum::default(),
             tracks: contacts.into_iter().map(track).collect(),
@@ -182,7 +182,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
         weights.iter_mut().zip(&rule.weights).for_each(|(rate, weight)| *rate *= weight);
         for Track { contact, origin, sum, squares, extent, harmonics } in tracks {
             let j = *contact;
-            piece.rows(step, [Shown::Transmission(j)], [row], |_, x, _| [system.transmission(j, x)]);
+            piece.rows(step, [StepQuantity::Transmission(j)], [row], |_, x, _| [system.transmission(j, x)]);
             Extent::extend([&mut *extent], row);
             let mut values = [0.0; NODES];
             let start = *origin.get_or_insert(row.first().copied().unwrap_or(0.0));

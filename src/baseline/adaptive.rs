@@ -3,16 +3,16 @@
 use std::{cell::RefCell, ops::ControlFlow};
 
 use super::{
-    Counters, Grid, Penalty, Point, Sample, Touch, Watch,
+    Counters, Grid, Penalty, Sample, SampleObserver, StepPoint, Touch,
     forcing::{Forcing, Moment},
 };
 use crate::{
     hybrid::{Clock, FULL_PRECISION, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
-    integrate::{Arc, Before, Choice, DenseStep, IntegrateError, build},
+    integrate::{Arc, Choice, DenseStep, EarlierSteps, IntegrateError, build},
 };
 
 /// Penalty train as one smooth mode, although it has several: the solver has to adapt.
-struct Through<'p> {
+struct SmoothTrain<'p> {
     model: &'p Penalty,
     scratch: RefCell<Scratch>,
 }
@@ -25,7 +25,7 @@ struct Scratch {
     evaluations: u64,
 }
 
-impl VectorField for Through<'_> {
+impl VectorField for SmoothTrain<'_> {
     fn eval(&self, _: &Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
         let Scratch { forcing, moment, force, touches, evaluations } = &mut *self.scratch.borrow_mut();
         *evaluations += 1;
@@ -57,7 +57,7 @@ impl VectorField for Through<'_> {
     }
 }
 
-impl HybridSystem for Through<'_> {
+impl HybridSystem for SmoothTrain<'_> {
     fn dim(&self) -> usize {
         2 * self.model.n
     }
@@ -99,11 +99,11 @@ impl Penalty {
         rtol: f64,
         grid: &Grid,
         (q, v): (&[f64], &[f64]),
-        watch: &mut dyn Watch,
+        watch: &mut dyn SampleObserver,
     ) -> Result<Counters, IntegrateError> {
         assert!(!self.rigid().contains(&true), "a rigid contact has no force to integrate");
         let mut point = self.point(grid.from, q, v);
-        let through = Through {
+        let through = SmoothTrain {
             model: self,
             scratch: RefCell::new(Scratch {
                 forcing: Forcing::new(self, grid.from, grid.step),
@@ -129,7 +129,7 @@ impl Penalty {
             still: &none,
             bound,
             tolerance: FULL_PRECISION,
-            before: Before::default(),
+            before: EarlierSteps::default(),
         };
         let (mut integrator, _) = build(solver, rtol, &through)?;
         let (mut x, mut next) = (start.clone(), 1);
@@ -165,9 +165,9 @@ impl Penalty {
     }
 }
 
-impl Through<'_> {
+impl SmoothTrain<'_> {
     /// Computes deflections and forces at a sample.
-    fn look(&self, at: Instant, point: &mut Point) {
+    fn look(&self, at: Instant, point: &mut StepPoint) {
         let scratch = &mut *self.scratch.borrow_mut();
         scratch.forcing.at(self.model, at, &mut point.moment);
         // The latch of a step is decided at its end, not at samples within it.

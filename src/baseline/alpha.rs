@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Dyn, LU};
 
 use super::{
-    Penalty, Point,
+    Penalty, StepPoint,
     drive::{Counters, Stepper},
     forcing::Forcing,
 };
@@ -117,7 +117,7 @@ impl GeneralisedAlpha {
     }
 
     /// Solves for the contact forces at the end of the step.
-    fn newton(&mut self, model: &Penalty, point: &Point, h: f64, counters: &mut Counters) {
+    fn newton(&mut self, model: &Penalty, point: &StepPoint, h: f64, counters: &mut Counters) {
         let Alpha { beta, gamma, .. } = self.alpha;
         let (by_q, by_v) = (beta * h * h, gamma * h);
         let m = model.contacts.len();
@@ -172,7 +172,7 @@ impl GeneralisedAlpha {
 }
 
 impl Stepper for GeneralisedAlpha {
-    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters) {
+    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut StepPoint, h: f64, counters: &mut Counters) {
         let Alpha { mass, force, beta, gamma } = self.alpha;
         if !self.started || force != 0.0 {
             model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.true_a);

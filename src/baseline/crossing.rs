@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::{Penalty, Sample, Watch};
+use super::{Penalty, Sample, SampleObserver};
 use crate::gear::contact::Law;
 
 /// Crossing of a flank.
@@ -77,7 +77,7 @@ impl Crossings {
     }
 }
 
-impl Watch for Crossings {
+impl SampleObserver for Crossings {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         let now = &sample.point.contacts;
         if self.before.is_empty() {

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 
-use super::{Method, Penalty, Point, forcing::Forcing};
+use super::{Method, Penalty, StepPoint, forcing::Forcing};
 use crate::hybrid::Instant;
 
 /// Equal steps from an instant on.
@@ -36,7 +36,7 @@ pub struct Counters {
 /// Solution that became infinite or NaN.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("the solution stops being finite at t = {t} s, after {} steps", counters.steps)]
-pub struct Diverged {
+pub struct Divergence {
     /// Time after the start at which the solution stops being finite, s.
     pub t: f64,
     /// Work done until then.
@@ -51,23 +51,23 @@ pub struct Sample<'a> {
     /// Time since the start, s: `number · h` on the grid.
     pub t: f64,
     /// State, deflections and forces there.
-    pub point: &'a Point,
+    pub point: &'a StepPoint,
 }
 
 /// Observer of a fixed-step run from sample to sample.
-pub trait Watch {
+pub trait SampleObserver {
     /// Takes one sample; may interrupt the run.
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()>;
 }
 
-impl<A: Watch, B: Watch> Watch for (A, B) {
+impl<A: SampleObserver, B: SampleObserver> SampleObserver for (A, B) {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         self.0.sample(sample)?;
         self.1.sample(sample)
     }
 }
 
-impl<T: Watch + ?Sized> Watch for &mut T {
+impl<T: SampleObserver + ?Sized> SampleObserver for &mut T {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         (**self).sample(sample)
     }
@@ -80,7 +80,7 @@ pub(super) trait Stepper {
         1
     }
     /// Does one step of length h. Leaves `point.moment` at the end of the step.
-    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters);
+    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut StepPoint, h: f64, counters: &mut Counters);
 }
 
 impl Penalty {
@@ -93,8 +93,8 @@ impl Penalty {
         method: Method,
         grid: &Grid,
         (q, v): (&[f64], &[f64]),
-        watch: &mut (impl Watch + ?Sized),
-    ) -> Result<Counters, Diverged> {
+        watch: &mut (impl SampleObserver + ?Sized),
+    ) -> Result<Counters, Divergence> {
         let mut point = self.point(grid.from, q, v);
         let mut stepper = method.stepper(self, grid.step);
         let mut forcing = Forcing::new(self, grid.from, grid.step / f64::from(stepper.strides()));
@@ -109,7 +109,7 @@ impl Penalty {
             // A finite number times zero is zero.
             let zero = point.q.iter().chain(&point.v).fold(0.0, |s, x| s + x * 0.0);
             if zero != 0.0 {
-                return Err(Diverged { t, counters });
+                return Err(Divergence { t, counters });
             }
             flow = watch.sample(&Sample { number: Some(counters.steps), t, point: &point });
         }

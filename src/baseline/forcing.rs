@@ -36,7 +36,7 @@ struct Phasor {
     order: Option<u32>,
     cos: f64,
     sin: f64,
-    /// Rotation of one stride: cosine and sine of its angle.
+    /// Rotation of one step: cosine and sine of its angle.
     turn: (f64, f64),
 }
 
@@ -44,14 +44,14 @@ struct Phasor {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Moment {
     /// The contacts.
-    pub contacts: Vec<Forced>,
+    pub contacts: Vec<ForcedContact>,
     /// Loads over M, m/s², `[n]`.
     pub load: Vec<f64>,
 }
 
 /// Terms of one contact that depend on time alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Forced {
+pub(super) struct ForcedContact {
     /// Stiffness, N/m.
     pub stiffness: f64,
     /// Transmission error, m, and its rate, m/s.
@@ -60,14 +60,14 @@ pub(super) struct Forced {
 
 /// Forcing on a grid of equal strides.
 ///
-/// Angles turn by complex rotation and are recomputed every [`FRESH`] strides, so a step needs no sine. Times are products of whole
+/// Angles turn by complex rotation and are recomputed every [`FRESH`] steps, so a step needs no sine. Times are products of whole
 /// numbers, never sums: a long run keeps its phase.
 #[derive(Clone, Debug)]
 pub(super) struct Forcing {
     clock: Clock,
     from: Instant,
     start: f64,
-    stride: f64,
+    step: f64,
     index: u64,
     /// Time of the cosines and sines, s.
     t: f64,
@@ -78,7 +78,7 @@ pub(super) struct Forcing {
 const FRESH: u64 = 32;
 
 impl Forcing {
-    pub fn new(model: &Penalty, from: Instant, stride: f64) -> Self {
+    pub fn new(model: &Penalty, from: Instant, step: f64) -> Self {
         let clock = model.clock;
         let order = |w: f64| {
             let h = (w / clock.omega()).round();
@@ -86,47 +86,47 @@ impl Forcing {
                 .then_some(h as u32)
         };
         let phasor = |omega: &f64| {
-            let (sin, cos) = libm::sincos(omega * stride);
+            let (sin, cos) = libm::sincos(omega * step);
             Phasor { omega: *omega, order: order(*omega), cos: 1.0, sin: 0.0, turn: (cos, sin) }
         };
         let mut forcing = Self {
             clock,
             from,
             start: clock.time(from).value(),
-            stride,
+            step,
             index: 0,
             t: 0.0,
             phasors: model.frequencies.iter().map(phasor).collect(),
         };
-        forcing.stand(forcing.from);
+        forcing.turn_to(forcing.from);
         forcing
     }
 
     /// Sets the cosines and sines for any instant.
-    fn stand(&mut self, at: Instant) {
+    fn turn_to(&mut self, at: Instant) {
         self.t = self.clock.time(at).value();
         for p in &mut self.phasors {
             (p.sin, p.cos) = self.clock.sincos(p.omega, p.order, at);
         }
     }
 
-    /// Advances by one stride, and computes the moment there.
+    /// Advances by one step, and computes the moment there.
     pub fn advance(&mut self, model: &Penalty, out: &mut Moment) {
         self.index += 1;
         if self.index.is_multiple_of(FRESH) {
-            self.stand(self.clock.advance(self.from, self.index as f64 * self.stride));
+            self.turn_to(self.clock.advance(self.from, self.index as f64 * self.step));
         } else {
             for Phasor { cos, sin, turn: (c, s), .. } in &mut self.phasors {
                 (*cos, *sin) = (*cos * *c - *sin * *s, *sin * *c + *cos * *s);
             }
         }
-        self.t = self.start + self.index as f64 * self.stride;
+        self.t = self.start + self.index as f64 * self.step;
         self.moment(model, out);
     }
 
     /// Computes the moment at any instant, off the grid.
     pub fn at(&mut self, model: &Penalty, at: Instant, out: &mut Moment) {
-        self.stand(at);
+        self.turn_to(at);
         self.moment(model, out);
     }
 

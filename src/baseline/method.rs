@@ -1,7 +1,7 @@
 //! Explicit methods, and the choice among all.
 
 use super::{
-    Alpha, Penalty, Point,
+    Alpha, Penalty, StepPoint,
     alpha::GeneralisedAlpha,
     drive::{Counters, Stepper},
     forcing::{Forcing, Moment},
@@ -84,9 +84,9 @@ impl Stepper for RungeKutta {
         2
     }
 
-    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters) {
+    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut StepPoint, h: f64, counters: &mut Counters) {
         let Self { middle, q, force, stages: [s1, s2, s3, s4] } = self;
-        let Point { q: q0, v: v0, contacts, moment } = point;
+        let StepPoint { q: q0, v: v0, contacts, moment } = point;
         let mut stage = |moment: &Moment, before: &Stage, now: &mut Stage, dt: f64| {
             let slopes = before.v.iter().zip(&before.a);
             for (((q, v), (q0, v0)), (dq, dv)) in q.iter_mut().zip(&mut now.v).zip(q0.iter().zip(v0.iter())).zip(slopes)
@@ -125,7 +125,7 @@ impl SemiImplicitEuler {
 }
 
 impl Stepper for SemiImplicitEuler {
-    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, _: &mut Counters) {
+    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut StepPoint, h: f64, _: &mut Counters) {
         model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.a);
         for ((q, v), a) in point.q.iter_mut().zip(&mut point.v).zip(&self.a) {
             *v += h * a;
@@ -154,7 +154,7 @@ impl Verlet {
 }
 
 impl Stepper for Verlet {
-    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters) {
+    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut StepPoint, h: f64, counters: &mut Counters) {
         model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.a);
         for (k, predicted) in self.predicted.iter_mut().enumerate() {
             point.q[k] += h * point.v[k] + 0.5 * h * h * self.a[k];

@@ -25,7 +25,7 @@ mod ramp;
 
 pub use alpha::Alpha;
 pub use crossing::{Crossing, Crossings, Interpolation};
-pub use drive::{Counters, Diverged, Grid, Sample, Watch};
+pub use drive::{Counters, Divergence, Grid, Sample, SampleObserver};
 pub use method::Method;
-pub use penalty::{Penalty, Point, Touch};
+pub use penalty::{Penalty, StepPoint, Touch};
 pub use ramp::Ramp;

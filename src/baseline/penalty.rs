@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{
     Ramp,
-    forcing::{Forced, Forcing, Moment, Wave, wave},
+    forcing::{ForcedContact, Forcing, Moment, Wave, wave},
 };
 use crate::{
     gear::{
@@ -36,7 +36,7 @@ pub(super) struct Contact {
 impl Contact {
     /// Returns the deflection and its rate.
     #[inline]
-    pub fn deflection(&self, forced: &Forced, q: &[f64], v: &[f64]) -> [f64; 2] {
+    pub fn deflection(&self, forced: &ForcedContact, q: &[f64], v: &[f64]) -> [f64; 2] {
         let [e, de] = forced.error;
         self.direction.iter().fold([-e, -de], |[d, r], (i, g)| [d + g * q[*i as usize], r + g * v[*i as usize]])
     }
@@ -91,7 +91,7 @@ pub struct Penalty {
 
 /// Point of a fixed-step solution.
 #[derive(Clone, Debug, Default)]
-pub struct Point {
+pub struct StepPoint {
     /// Coordinates, m, `[n]`.
     pub q: Vec<f64>,
     /// Velocities, m/s, `[n]`.
@@ -101,7 +101,7 @@ pub struct Point {
     pub(super) moment: Moment,
 }
 
-impl Point {
+impl StepPoint {
     /// Returns the force of each contact, N.
     pub(super) fn forces(&self) -> impl Iterator<Item = f64> {
         self.contacts.iter().map(|touch| touch.force)
@@ -266,10 +266,10 @@ impl Penalty {
 
     /// Returns the point with coordinates `q` and velocities `v`, `[n]` each, at an instant, in the state of a run that starts there.
     #[must_use]
-    pub fn point(&self, at: Instant, q: &[f64], v: &[f64]) -> Point {
+    pub fn point(&self, at: Instant, q: &[f64], v: &[f64]) -> StepPoint {
         let initial = |c: &Contact| if let Law::Power(l) = c.law { l.initial_speed } else { 0.0 };
         let contacts = self.contacts.iter().map(|c| Touch { latch: initial(c), ..Touch::default() }).collect();
-        let mut point = Point { q: q.to_vec(), v: v.to_vec(), contacts, moment: self.moment() };
+        let mut point = StepPoint { q: q.to_vec(), v: v.to_vec(), contacts, moment: self.moment() };
         Forcing::new(self, at, 0.0).moment(self, &mut point.moment);
         // A start beyond a flank latches nothing: the scene gives the speed at the start of contact.
         self.find_touched(&mut point);
@@ -278,14 +278,14 @@ impl Penalty {
     }
 
     /// Sets `touched` of every contact: true beyond a flank.
-    pub(super) fn find_touched(&self, point: &mut Point) {
+    pub(super) fn find_touched(&self, point: &mut StepPoint) {
         for ((c, forced), touch) in self.contacts.iter().zip(&point.moment.contacts).zip(&mut point.contacts) {
             touch.touched = c.penetration(c.deflection(forced, &point.q, &point.v)[0]).0 > 0.0;
         }
     }
 
     pub(super) fn moment(&self) -> Moment {
-        let constant = |c: &Contact| Forced {
+        let constant = |c: &Contact| ForcedContact {
             stiffness: if let Stiffness::Constant(k) = c.stiffness { k } else { 0.0 },
             error: [c.error_offset, 0.0],
         };
@@ -322,8 +322,8 @@ impl Penalty {
     }
 
     /// Completes the end of a step: deflections, impacts of rigid contacts, latched speeds, forces.
-    pub(super) fn arrive(&self, point: &mut Point) {
-        let Point { q, v, contacts, moment } = point;
+    pub(super) fn arrive(&self, point: &mut StepPoint) {
+        let StepPoint { q, v, contacts, moment } = point;
         let mut struck = false;
         for ((c, forced), touch) in self.contacts.iter().zip(&moment.contacts).zip(contacts.iter_mut()) {
             let mut at = c.deflection(forced, q, v);
@@ -359,7 +359,7 @@ impl Penalty {
 
     /// Returns the mechanical energy, J: kinetic, of the structure, and of the springs (sharp penetrations).
     #[must_use]
-    pub fn energy(&self, point: &Point) -> f64 {
+    pub fn energy(&self, point: &StepPoint) -> f64 {
         let (q, v) = (DVector::from_column_slice(&point.q), DVector::from_column_slice(&point.v));
         let springs = self.contacts.iter().enumerate().map(|(j, c)| {
             let (d, k) = (point.contacts[j].deflection[0], point.moment.contacts[j].stiffness);

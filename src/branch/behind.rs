@@ -1,10 +1,10 @@
 //! Search behind a rigid graze: for the orbit without the impact, or with it, on either side of the value.
 
 use super::{
-    follow::{Change, Vanishing, vanishing},
+    follow::{EventChange, Vanishing, vanishing},
     locate::Located,
     node::{Guess, Node, Solver},
-    special::{Sought, Trail},
+    special::{SpecialSource, ZeroCondition},
 };
 
 /// Steps, in ranges, at which orbits behind a rigid graze are searched for; largest distance of such an orbit.
@@ -18,9 +18,9 @@ impl Solver<'_> {
     /// Locates a rigid graze from the orbit `behind` it, and takes that value if it agrees and has a smaller error. Orbits with the impact
     /// are badly conditioned close to the graze: an impact of speed v has a derivative of size 1/v. Returns the trail of the graze along
     /// the orbits without the impact.
-    pub fn refine_from_behind(&self, near: &mut Located, behind: &Node, contact: usize) -> Option<Trail> {
+    pub fn refine_from_behind(&self, near: &mut Located, behind: &Node, contact: usize) -> Option<SpecialSource> {
         let (own, range) = (near.value, self.family.range());
-        let is_same = |node: &Node| Change::of(&behind.course, &node.course) == Change::None;
+        let is_same = |node: &Node| EventChange::of(&behind.course, &node.course) == EventChange::None;
         let back = (own - behind.value).signum() * behind.tangent.p.signum();
         let length = 2.0 * (own - behind.value).abs() / (range * behind.tangent.p.abs());
         let way = (behind.tangent.times(back), length);
@@ -36,7 +36,11 @@ impl Solver<'_> {
         if best.error < near.error {
             (near.value, near.second, near.error, near.residual) = (best.value, best.second, best.error, best.residual);
         }
-        Some(Trail { sought: Sought::Limit(key), seed: best.node.seed(&best.node.tangent), from: best.from })
+        Some(SpecialSource {
+            sought: ZeroCondition::Limit(key),
+            seed: best.node.seed(&best.node.tangent),
+            from: best.from,
+        })
     }
 
     /// Searches both sides of a rigid graze for an orbit with the other events.
@@ -46,7 +50,7 @@ impl Solver<'_> {
         sides.map(|step| near.value + step * range).filter(|value| self.family.contains(*value)).find_map(|value| {
             let guess = Guess { section: near.section.clone(), place: [value, second], by: None, ..near.node.at() };
             let node = self.at(guess, None, 1.0).ok()?;
-            let is_other = matches!(Change::of(&near.node.course, &node.course), Change::Gained(..));
+            let is_other = matches!(EventChange::of(&near.node.course, &node.course), EventChange::Gained(..));
             let is_near = near.node.chord(&node, self.family.ranges()).1 <= NEARBY;
             (is_other && is_near && !node.has_shorter_period()).then_some(node)
         })

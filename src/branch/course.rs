@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use crate::{
-    engine::{Jumped, Observer},
+    engine::{JumpRecord, Observer},
     event::EventRecord,
     hybrid::{ContactView, GuardId, HybridSystem, Mode, Watch},
     integrate::DenseStep,
     orbit::{
         Section, SectionMap,
-        words::{Letter, Speller, letters},
+        words::{Letter, WordObserver, letters},
     },
     poly,
     simulation::SimulationError,
@@ -23,7 +23,7 @@ const NEAR: f64 = 1e-6;
 
 /// Least value of a guard that does not fire.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Low {
+pub struct GuardMinimum {
     /// Index of the contact.
     pub contact: usize,
     /// Guard.
@@ -57,28 +57,28 @@ pub struct Course {
     /// Time of each event after the section, cycles.
     pub times: Vec<f64>,
     /// Least values of guards, in order.
-    pub lows: Vec<Low>,
+    pub lows: Vec<GuardMinimum>,
     /// Contacts that come to rest, in order.
     pub rests: Vec<Rest>,
 }
 
 /// Search for least values along steps.
-struct Lowest<'s> {
+struct MinimumSearch<'s> {
     structure: &'s Structure,
     x: Vec<f64>,
     row: Vec<f64>,
-    lows: Vec<Low>,
+    lows: Vec<GuardMinimum>,
     rests: Vec<Rest>,
     events: usize,
     /// Each guard at the end of the last step; empty behind an event.
-    ends: Vec<(GuardId, End)>,
+    ends: Vec<(GuardId, GuardEnd)>,
     /// Each guard at the section, as the orbit leaves it.
-    starts: Vec<(GuardId, End)>,
+    starts: Vec<(GuardId, GuardEnd)>,
 }
 
 /// A guard at an end of a step: value, first and second derivative, by parts of the step, and size along it; whether its contact is closed.
 #[derive(Clone, Copy)]
-struct End {
+struct GuardEnd {
     value: f64,
     slope: f64,
     size: f64,
@@ -86,14 +86,14 @@ struct End {
     is_closed: bool,
 }
 
-impl Lowest<'_> {
+impl MinimumSearch<'_> {
     fn take(&mut self, id: GuardId, is_closed: bool, value: f64) {
         let (contact, watch) = self.structure.watch(id);
-        self.lows.push(Low { contact, watch, is_closed, after: self.events, value });
+        self.lows.push(GuardMinimum { contact, watch, is_closed, after: self.events, value });
     }
 
     /// Takes the least value at the common end of two steps. A guard jumps or has a corner there if the stiffness or a forcing does.
-    fn meet(&mut self, id: GuardId, end: End, start: End) {
+    fn meet(&mut self, id: GuardId, end: GuardEnd, start: GuardEnd) {
         // A difference within rounding is no jump.
         let jump = start.value - end.value;
         let jump = if jump.abs() <= SMOOTH * start.size.max(end.value.abs()) { 0.0 } else { jump };
@@ -117,7 +117,7 @@ impl Lowest<'_> {
     }
 }
 
-impl Observer for Lowest<'_> {
+impl Observer for MinimumSearch<'_> {
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let s = self.structure;
         let before = std::mem::take(&mut self.ends);
@@ -130,7 +130,7 @@ impl Observer for Lowest<'_> {
             let slope = self.row.get(1).copied().unwrap_or_default();
             let bend = 2.0 * self.row.get(2).copied().unwrap_or_default();
             let is_closed = contact_mode(mode, guard_of(*id).0).is_closed();
-            let start = End { value: self.row[0], slope, size, bend, is_closed };
+            let start = GuardEnd { value: self.row[0], slope, size, bend, is_closed };
             if let Some((_, end)) = before.iter().find(|(other, _)| other == id) {
                 self.meet(*id, *end, start);
             }
@@ -140,7 +140,7 @@ impl Observer for Lowest<'_> {
             let value: f64 = self.row.iter().sum();
             let slope: f64 = self.row.iter().enumerate().map(|(k, c)| k as f64 * c).sum();
             let bend: f64 = self.row.iter().enumerate().skip(2).map(|(k, c)| (k * (k - 1)) as f64 * c).sum();
-            self.ends.push((*id, End { value, slope, bend, ..start }));
+            self.ends.push((*id, GuardEnd { value, slope, bend, ..start }));
             for theta in poly::minima(&self.row) {
                 let theta = theta * until;
                 step.state(theta, &mut self.x);
@@ -156,7 +156,7 @@ impl Observer for Lowest<'_> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         self.events += 1;
         self.ends.clear();
         let resting = letters(self.structure, jumped).filter(|(_, token)| token.starts_with('z'));
@@ -194,8 +194,8 @@ impl Course {
     /// [`SimulationError`] if the run fails.
     pub fn new(map: &SectionMap<'_>, section: &Section, period: u64) -> Result<Self, SimulationError> {
         let structure = &map.simulation().structure;
-        let mut speller = Speller::new(structure, &section.x);
-        let mut lowest = Lowest {
+        let mut speller = WordObserver::new(structure, &section.x);
+        let mut lowest = MinimumSearch {
             structure,
             x: section.x.clone(),
             row: Vec::new(),

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     family::Family,
-    follow::{CLEAR, Change, GROWTH, LONGEST, SHORTEST},
+    follow::{CLEAR, EventChange, GROWTH, LONGEST, SHORTEST},
     node::{Direction, Guess, Node, Place, Plane, Solver, Spot},
     run::Branch,
-    special::{Kind, Sought, Special, Trail},
+    special::{Special, SpecialKind, SpecialSource, ZeroCondition},
 };
 use crate::{
     orbit::{SectionMap, words::sorted},
@@ -92,7 +92,7 @@ pub struct CurvePoint {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Curve {
     /// Kind of the special points.
-    pub kind: Kind,
+    pub kind: SpecialKind,
     /// Its points in order.
     pub points: Vec<CurvePoint>,
     /// Reasons for its two ends, in words, at the first point and at the last one.
@@ -106,7 +106,7 @@ struct Head {
     place: Place,
     /// Residual and uncertainty.
     quality: [f64; 2],
-    sought: Sought,
+    sought: ZeroCondition,
     /// Point before; the curve is followed away from it.
     before: Spot,
     /// A neighbour on the side to which the special point is passed.
@@ -148,7 +148,7 @@ impl Head {
 /// [`SimulationError`] if the scene's own train cannot be built, or what `each` returns.
 pub fn curves(
     family: &Family,
-    kind: Kind,
+    kind: SpecialKind,
     branches: &[Branch],
     earlier: Vec<Curve>,
     each: &mut dyn FnMut(&[Curve]) -> Result<(), SimulationError>,
@@ -195,7 +195,7 @@ impl Solver<'_> {
     /// Returns the curve through a special point, followed in both directions.
     fn curve(&self, special: &Special, task: Task<'_>) -> Option<Curve> {
         let ranges = self.family.ranges();
-        let Trail { sought, seed, from } = &special.trail;
+        let SpecialSource { sought, seed, from } = &special.trail;
         let node = self.within(Plane::of_number(&seed.guess, 1)).grown(seed).ok()?;
         let beside = Spot::at(node.guess(&node.tangent, ranges, BESIDE));
         let head = |sense: f64| {
@@ -229,7 +229,7 @@ impl Solver<'_> {
     }
 
     /// Follows a curve from a point on; returns its points, the reason for its end, and the first of them.
-    fn advance(&self, start: &Head, kind: Kind, task: Task<'_>) -> (Vec<CurvePoint>, String, Option<Head>) {
+    fn advance(&self, start: &Head, kind: SpecialKind, task: Task<'_>) -> (Vec<CurvePoint>, String, Option<Head>) {
         let ranges = self.family.ranges();
         let (mut points, mut first): (Vec<CurvePoint>, Option<Head>) = (Vec::new(), None);
         let (mut head, mut h) = (start.clone(), FIRST);
@@ -285,7 +285,7 @@ impl Solver<'_> {
     }
 
     /// Returns the special point on a slice, searched for across the curve on both sides of a guess.
-    fn across(&self, from: &Head, kind: Kind, slice: Plane, guess: Guess, asides: [f64; 3]) -> Option<Head> {
+    fn across(&self, from: &Head, kind: SpecialKind, slice: Plane, guess: Guess, asides: [f64; 3]) -> Option<Head> {
         let ranges = self.family.ranges();
         let (_, across) = from.directions(ranges);
         let here = Spot::of(&from.node);
@@ -308,18 +308,18 @@ impl Solver<'_> {
             let a = at(-aside)?;
             let other = || at(aside);
             match from.sought {
-                Sought::Root => {
+                ZeroCondition::Root => {
                     let b = other()?;
                     let test = |node: &Node| kind.test(node, from.node.pair_on_circle());
                     let is_passed = test(&a) * test(&b) < 0.0;
                     if is_passed { solver.root(&a, &b, &test) } else { None }
                 }
-                Sought::Limit(key) => {
-                    let is_same = |node: &Node| Change::of(&from.node.course, &node.course) == Change::None;
+                ZeroCondition::Limit(key) => {
+                    let is_same = |node: &Node| EventChange::of(&from.node.course, &node.course) == EventChange::None;
                     let way = (a.tangent.clone(), 3.0 * aside);
                     solver.limit(&a, &way, &|node| key.at(node).filter(|_| is_same(node)))
                 }
-                Sought::Rest => {
+                ZeroCondition::Rest => {
                     let way = (a.tangent.clone(), 3.0 * aside);
                     solver.limit(&a, &way, &|node| solver.settling(node, from.node.course.rests.len()))
                 }
@@ -335,7 +335,7 @@ impl Solver<'_> {
     }
 
     /// Returns the point at which a curve leaves the ranges, between two of its points.
-    fn at_border(&self, from: &Head, to: &Head, kind: Kind, asides: [f64; 3]) -> Option<Head> {
+    fn at_border(&self, from: &Head, to: &Head, kind: SpecialKind, asides: [f64; 3]) -> Option<Head> {
         let (inside, outside) = (from.place, to.place);
         let borders = self.family.borders();
         let share = |i: usize| {
@@ -356,7 +356,7 @@ impl Solver<'_> {
 
     /// Returns the point at which the second number is extreme, if that lies between the first and the last of three points; and whether it
     /// lies before the second of them.
-    fn extreme(&self, [first, middle, last]: [&Head; 3], kind: Kind) -> Option<(bool, CurvePoint)> {
+    fn extreme(&self, [first, middle, last]: [&Head; 3], kind: SpecialKind) -> Option<(bool, CurvePoint)> {
         let rises = |a: &Head, b: &Head, i: usize| b.place[i] > a.place[i];
         let ranges = self.family.ranges();
         let (chord, length) = first.node.chord(&last.node, ranges);
@@ -410,7 +410,7 @@ impl Solver<'_> {
     }
 
     /// Returns the same point with its section at another phase.
-    fn led(&self, head: &Head, kind: Kind, phase: f64) -> Option<Head> {
+    fn led(&self, head: &Head, kind: SpecialKind, phase: f64) -> Option<Head> {
         let ranges = self.family.ranges();
         let lead = |spot: &Spot| {
             let simulation = self.family.train(spot.place).ok()?;
@@ -443,7 +443,7 @@ impl Solver<'_> {
             (0..node.course.times.len()).filter(same).min_by(|a, b| off(*a).total_cmp(&off(*b)))
         };
         let sought = match head.sought {
-            Sought::Limit(key) => Sought::Limit(key.moved(&moved)?),
+            ZeroCondition::Limit(key) => ZeroCondition::Limit(key.moved(&moved)?),
             other => other,
         };
         let from = head.from.as_ref().and_then(lead);

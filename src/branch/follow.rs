@@ -41,7 +41,7 @@ pub const CLEAR: f64 = 0.02;
 
 /// Difference between the events of two neighbours.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Change {
+pub enum EventChange {
     /// No difference.
     None,
     /// Two events have changed places: index of the later one in the course of the first neighbour.
@@ -107,7 +107,7 @@ fn skips(a: &Course, b: &Course) -> bool {
     kinds == ['c', 'r', 'x'] && rich.shortest(contact, 'x', 'c') < rich.shortest(contact, 'c', 'r')
 }
 
-impl Change {
+impl EventChange {
     /// Returns whether two lists of tokens are equal, in any order.
     pub fn is_none(a: &[&str], b: &[&str]) -> bool {
         surplus(a, b).is_empty() && surplus(b, a).is_empty()
@@ -176,7 +176,7 @@ impl Solver<'_> {
     /// Drops the last points of a branch if they left it at a corner.
     fn take_back(&self, trace: &mut Trace) {
         let Some(last) = trace.nodes.last() else { return };
-        let is_same = |node: &&Node| Change::of(&last.course, &node.course) == Change::None;
+        let is_same = |node: &&Node| EventChange::of(&last.course, &node.course) == EventChange::None;
         let count = trace.nodes.iter().rev().take_while(is_same).count();
         let Some(before) = trace.nodes.len().checked_sub(count + 1).map(|i| &trace.nodes[i]) else { return };
         let is_near = before.phase == last.phase && before.chord(last, self.family.ranges()).1 <= SEVERAL;
@@ -192,7 +192,7 @@ impl Solver<'_> {
         LEAPS.iter().find_map(|length| {
             let node = self.step(from, *length)?;
             let (_, apart) = from.chord(&node, self.family.ranges());
-            let is_other = Change::of(&from.course, &node.course) != Change::None;
+            let is_other = EventChange::of(&from.course, &node.course) != EventChange::None;
             let goes_on = self.family.contains(node.value) && node.tangent.p * from.tangent.p > 0.0;
             (is_other && goes_on && apart <= NEAR * length).then_some((node, *length))
         })
@@ -200,12 +200,12 @@ impl Solver<'_> {
 
     /// Returns whether the next point is a neighbour: it follows without a jump and with at most one change.
     fn follows(&self, a: &Node, b: &Node, h: f64) -> bool {
-        let change = Change::of(&a.course, &b.course);
+        let change = EventChange::of(&a.course, &b.course);
         let (_, length) = a.chord(b, self.family.ranges());
         if length > 1.2 * h && length > 2.0 * SHORTEST || b.has_shorter_period() {
             return false;
         }
-        if self.turn(a, b) < TURN && (change == Change::None || h > CORNER) {
+        if self.turn(a, b) < TURN && (change == EventChange::None || h > CORNER) {
             return false;
         }
         let (before, after) = (a.unstable(), b.unstable());
@@ -214,8 +214,8 @@ impl Solver<'_> {
         h <= SEVERAL
             || is_one
                 && !skips(&a.course, &b.course)
-                && change != Change::Other
-                && (changed == 0 || change == Change::None)
+                && change != EventChange::Other
+                && (changed == 0 || change == EventChange::None)
     }
 
     /// Follows a branch from `start` along its tangent, up to `most` points, and until `last` cycles are run with their derivative.

@@ -17,5 +17,5 @@ mod special;
 
 pub use curve::{Codimension, Curve, CurvePoint, curves};
 pub use family::Family;
-pub use run::{Branch, Continuation, Followed, Point};
-pub use special::{Kind, Special};
+pub use run::{Branch, BranchPoint, BranchProgress, Continuation};
+pub use special::{Special, SpecialKind};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{course::Course, family::Family};
 use crate::{
-    orbit::{Drift, Image, Missed, Orbit, Section, SectionMap, Unknowns},
+    orbit::{Drift, Image, NewtonFailure, Orbit, Section, SectionMap, Unknowns},
     simulation::{Simulation, SimulationError},
 };
 
@@ -301,12 +301,12 @@ impl<'f> Solver<'f> {
     }
 
     /// Returns the point of a seed.
-    pub fn grown(&self, seed: &Seed) -> Result<Node, Missed> {
+    pub fn grown(&self, seed: &Seed) -> Result<Node, NewtonFailure> {
         self.at(seed.guess.clone(), Some(&seed.plane), 1.0)
     }
 
     /// Returns the point of `orbit`, whose map has its section at phase 0, with the section at the phase farthest from its events.
-    pub fn start(&self, simulation: &Simulation, value: f64, orbit: &Orbit) -> Result<Node, Missed> {
+    pub fn start(&self, simulation: &Simulation, value: f64, orbit: &Orbit) -> Result<Node, NewtonFailure> {
         let map = SectionMap::new(simulation)?;
         let course = Course::new(&map, &orbit.section, orbit.period)?;
         let there = map.at_phase(course.quiet(0.0));
@@ -317,7 +317,7 @@ impl<'f> Solver<'f> {
     }
 
     /// Returns the same point with its section at the phase farthest from its events.
-    pub fn turned(&self, node: &Node) -> Result<Node, Missed> {
+    pub fn turned(&self, node: &Node) -> Result<Node, NewtonFailure> {
         let simulation = self.family.train(node.place())?;
         let map = SectionMap::new(&simulation)?.at_phase(node.phase);
         let there = map.at_phase(node.course.quiet(node.phase));
@@ -329,7 +329,7 @@ impl<'f> Solver<'f> {
 
     /// Returns the orbit near a guess, on a plane or at the guess's value of the parameter. Without a plane, its tangent points to rising
     /// values of the parameter, or to falling ones if `sign` is negative.
-    pub fn at(&self, guess: Guess, plane: Option<&Plane>, sign: f64) -> Result<Node, Missed> {
+    pub fn at(&self, guess: Guess, plane: Option<&Plane>, sign: f64) -> Result<Node, NewtonFailure> {
         let ranges = self.family.ranges();
         let Guess { mut section, mut place, period, phase, shift, by } = guess;
         let (numbers, is_free) = (1 + usize::from(self.slice.is_some()), plane.is_some() || self.slice.is_some());
@@ -340,7 +340,7 @@ impl<'f> Solver<'f> {
             let spend = || self.spent.set(self.spent.get() + period);
             let simulation = self.family.train(place)?;
             let map = SectionMap::new(&simulation)?.at_phase(phase);
-            let exact = || -> Result<(Image, DMatrix<f64>), Missed> {
+            let exact = || -> Result<(Image, DMatrix<f64>), NewtonFailure> {
                 spend();
                 let variations = self.family.variations(&simulation, place, numbers)?;
                 let image = map.image_by(&section, period, &variations)?;
@@ -470,11 +470,11 @@ impl<'f> Solver<'f> {
 /// Singular values and vectors.
 type Svd = nalgebra::SVD<f64, nalgebra::Dyn, nalgebra::Dyn>;
 
-fn missed(residual: f64, reason: impl Into<String>) -> Missed {
-    Missed { residual, reason: reason.into() }
+fn missed(residual: f64, reason: impl Into<String>) -> NewtonFailure {
+    NewtonFailure { residual, reason: reason.into() }
 }
 
-impl From<SimulationError> for Missed {
+impl From<SimulationError> for NewtonFailure {
     fn from(error: SimulationError) -> Self {
         missed(f64::INFINITY, error.to_string())
     }

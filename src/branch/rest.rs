@@ -3,10 +3,10 @@
 use std::cmp::Ordering;
 
 use super::{
-    follow::{Change, Vanishing, vanishing},
+    follow::{EventChange, Vanishing, vanishing},
     locate::Located,
     node::{Node, Solver},
-    special::{Found, Kind, REACH, SLACK, Sought},
+    special::{LocatedKind, REACH, SLACK, SpecialKind, ZeroCondition},
 };
 use crate::gear::contact::Law;
 
@@ -20,32 +20,34 @@ const POWER: f64 = 5.0 / 3.0;
 impl Solver<'_> {
     /// Locates the end of a rest between two points, where the least load along it is zero. A rest that begins within the cycle can also
     /// end where the load is zero at the instant of coming to rest, after any number of impacts.
-    pub(super) fn stick(&self, a: &Node, b: &Node) -> Option<Found> {
+    pub(super) fn stick(&self, a: &Node, b: &Node) -> Option<LocatedKind> {
         let (low, high) = (a.value.min(b.value), a.value.max(b.value));
         let slack = SLACK * self.family.range();
         let is_between = |located: &Located| (low - slack..=high + slack).contains(&located.value);
-        let mut found: Vec<Found> = Vec::new();
+        let mut found: Vec<LocatedKind> = Vec::new();
         for (here, there) in [(a, b), (b, a)] {
             let (row, length) = self.towards(here, there);
             let way = (row, REACH * length);
-            let is_same = |node: &Node| Change::of(&here.course, &node.course) == Change::None;
+            let is_same = |node: &Node| EventChange::of(&here.course, &node.course) == EventChange::None;
             for (key, value) in vanishing(here) {
                 let Vanishing::Low(j, watch, true) = key else { continue };
-                if value > 0.0 && self.kind_of(here, j, watch, true) == Kind::Stick {
+                if value > 0.0 && self.kind_of(here, j, watch, true) == SpecialKind::Stick {
                     let located = self.limit(here, &way, &|node| key.at(node).filter(|_| is_same(node)));
-                    found.extend(located.map(|located| (Kind::Stick, Sought::Limit(key), located)));
+                    found.extend(located.map(|located| (SpecialKind::Stick, ZeroCondition::Limit(key), located)));
                 }
             }
             let count = here.course.rests.len();
             let is_of = |contact: usize| there.course.letters.iter().any(|letter| letter.contact == contact);
             if count > there.course.rests.len() && here.course.weakest().is_some_and(|rest| is_of(rest.contact)) {
                 let located = self.limit(here, &way, &|node| self.settling(node, count));
-                found.extend(located.map(|located| (Kind::Stick, Sought::Rest, self.timed(here, located))));
+                found.extend(
+                    located.map(|located| (SpecialKind::Stick, ZeroCondition::Rest, self.timed(here, located))),
+                );
             }
         }
         found.retain(|(.., located)| is_between(located) && self.is_located(located));
         // The least load along a rest is smooth up to its end.
-        let order = |found: &Found| (found.1 == Sought::Rest, found.2.error);
+        let order = |found: &LocatedKind| (found.1 == ZeroCondition::Rest, found.2.error);
         found.into_iter().min_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal))
     }
 

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     family::Family,
-    follow::{Change, Trace},
+    follow::{EventChange, Trace},
     node::{Direction, Guess, Node, Plane, Seed, Solver},
-    special::{Kind, Passed, Special},
+    special::{Special, SpecialKind, SpecialOrbit},
 };
 use crate::{
     orbit::{Search, Section, SectionMap},
@@ -33,7 +33,7 @@ const NEIGHBOURS: f64 = 0.1;
 
 /// An orbit of a branch.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Point {
+pub struct BranchPoint {
     /// Value of the parameter.
     pub value: f64,
     /// Period, cycles.
@@ -56,7 +56,7 @@ pub struct Branch {
     /// Level: 0 for the branch of the scene's orbit, one more for each doubling or breaking of symmetry at which it began.
     pub level: u32,
     /// Its points in order.
-    pub points: Vec<Point>,
+    pub points: Vec<BranchPoint>,
     /// Its special points, in order.
     pub specials: Vec<Special>,
     /// Reasons for its two ends, in words, at the first point and at the last one.
@@ -67,11 +67,11 @@ pub struct Branch {
 
 /// Branches followed so far, and the state from which a continuation resumes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Followed {
+pub struct BranchProgress {
     /// The branches.
     pub branches: Vec<Branch>,
     /// Branches that were not followed yet, in order.
-    waiting: VecDeque<Begun>,
+    waiting: VecDeque<BranchStart>,
     /// Cycles that may still be run.
     left: u64,
     /// Count of waiting branches that differ from all followed ones; only the limit of work, or an interrupt, leaves them out.
@@ -95,7 +95,7 @@ impl Default for Continuation {
 
 /// Start of a branch, and the special point at which it begins.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Begun {
+struct BranchStart {
     level: u32,
     seed: Seed,
     both: bool,
@@ -112,10 +112,10 @@ impl Continuation {
     pub fn run(
         &self,
         family: &Family,
-        earlier: Option<Followed>,
-        each: &mut dyn FnMut(&Followed) -> Result<(), SimulationError>,
+        earlier: Option<BranchProgress>,
+        each: &mut dyn FnMut(&BranchProgress) -> Result<(), SimulationError>,
         task: Task<'_>,
-    ) -> Result<Followed, SimulationError> {
+    ) -> Result<BranchProgress, SimulationError> {
         let simulation = family.own()?;
         let solver = Solver::new(family, SectionMap::new(&simulation)?.drift());
         let mut all = match earlier {
@@ -143,7 +143,7 @@ impl Continuation {
             };
             all.waiting.retain(|begun| !begun.origin.is_some_and(is_born));
             known.extend(branch.specials.iter().cloned());
-            let begins = |level: u32, node: &Node, both: bool, origin: Option<(f64, u64)>| Begun {
+            let begins = |level: u32, node: &Node, both: bool, origin: Option<(f64, u64)>| BranchStart {
                 level,
                 seed: node.seed(&node.tangent),
                 both,
@@ -158,8 +158,8 @@ impl Continuation {
             if branch.level < self.doublings {
                 for passed in passed.iter().filter(|passed| !passed.is_birth) {
                     let aside = match passed.special.kind {
-                        Kind::PeriodDoubling => solver.aside(&passed.node, -1.0),
-                        Kind::Symmetry => solver.aside(&passed.node, 1.0),
+                        SpecialKind::PeriodDoubling => solver.aside(&passed.node, -1.0),
+                        SpecialKind::Symmetry => solver.aside(&passed.node, 1.0),
                         _ => None,
                     };
                     let origin = Some((passed.special.value, passed.special.period));
@@ -176,13 +176,18 @@ impl Continuation {
             return Ok(all);
         }
         let is_new =
-            |begun: &&Begun| solver.grown(&begun.seed).is_ok_and(|node| !solver.is_known(&node, &all.branches));
+            |begun: &&BranchStart| solver.grown(&begun.seed).is_ok_and(|node| !solver.is_known(&node, &all.branches));
         all.left_out = all.waiting.iter().filter(is_new).count();
         Ok(all)
     }
 
     /// Returns the work before the first branch.
-    fn first(&self, solver: &Solver<'_>, simulation: &Simulation, task: Task<'_>) -> Result<Followed, SimulationError> {
+    fn first(
+        &self,
+        solver: &Solver<'_>,
+        simulation: &Simulation,
+        task: Task<'_>,
+    ) -> Result<BranchProgress, SimulationError> {
         let found = Search { period: self.period, starts: 0 }.run(simulation, task)?;
         let Some(orbit) = found.orbits.first() else {
             let reason = found.reason.unwrap_or_default();
@@ -190,19 +195,19 @@ impl Continuation {
         };
         let value = solver.family.parameter.value();
         let start = solver.start(simulation, value, orbit).map_err(|missed| simulation.missing(missed.reason))?;
-        let begun = Begun { level: 0, seed: start.seed(&start.tangent), both: true, origin: None };
-        Ok(Followed { branches: Vec::new(), waiting: VecDeque::from([begun]), left: WORK_OF_ALL, left_out: 0 })
+        let begun = BranchStart { level: 0, seed: start.seed(&start.tangent), both: true, origin: None };
+        Ok(BranchProgress { branches: Vec::new(), waiting: VecDeque::from([begun]), left: WORK_OF_ALL, left_out: 0 })
     }
 }
 
 impl Solver<'_> {
     /// Returns a point for output.
-    fn point(&self, node: &Node) -> Option<Point> {
+    fn point(&self, node: &Node) -> Option<BranchPoint> {
         self.point_at(node, &node.orbit.section, node.value)
     }
 
     /// Returns the same, with another section and value than those of the node.
-    fn point_at(&self, node: &Node, section: &Section, value: f64) -> Option<Point> {
+    fn point_at(&self, node: &Node, section: &Section, value: f64) -> Option<BranchPoint> {
         let simulation = self.family.train([value, node.second]).ok()?;
         let map = SectionMap::new(&simulation).ok()?;
         let section = map.at_phase(node.phase).lead(section, &map).ok()?;
@@ -212,7 +217,7 @@ impl Solver<'_> {
             0 => section,
             cycles => map.follow(&section, cycles).ok()?,
         };
-        Some(Point {
+        Some(BranchPoint {
             value,
             period: node.orbit.period,
             word: node.orbit.word(),
@@ -239,7 +244,7 @@ impl Solver<'_> {
             let squares = a.x.iter().zip(b).zip(&scales).map(|((a, b), scale)| ((a - b) / scale).powi(2));
             squares.sum::<f64>().sqrt()
         };
-        let on = |pair: &[Point]| {
+        let on = |pair: &[BranchPoint]| {
             let [a, b] = pair else { return false };
             let share = (node.value - a.value) / (b.value - a.value);
             if a.period != point.period || !(0.0..=1.0).contains(&share) {
@@ -255,13 +260,13 @@ impl Solver<'_> {
     /// Returns the branch through a node, its special points, and the values and periods of the orbits that it is born from.
     fn branch(
         &self,
-        begun: &Begun,
+        begun: &BranchStart,
         start: &Node,
         number: usize,
         left: u64,
         known: &[Special],
         task: Task<'_>,
-    ) -> (Branch, Vec<Passed>, Vec<(f64, u64)>) {
+    ) -> (Branch, Vec<SpecialOrbit>, Vec<(f64, u64)>) {
         let end = self.spent.get() + left;
         let until = |work: u64| end.min(self.spent.get() + work);
         let ahead = self.follow(start, OF_BRANCH, until(WORK_OF_POINTS), task);
@@ -272,14 +277,15 @@ impl Solver<'_> {
             behind = Some(self.follow(&back, OF_BRANCH, until(WORK_OF_POINTS), task));
         }
         let (mut passed, mut unlocated) = self.specials(&ahead, 1.0, until(WORK_OF_SPECIALS), task);
-        let ended = |trace: &Trace, passed: &[Passed]| match passed.iter().find(|passed| passed.behind.is_some()) {
+        let ended = |trace: &Trace, passed: &[SpecialOrbit]| match passed.iter().find(|passed| passed.behind.is_some())
+        {
             Some(passed) => {
                 format!("a rigid graze at {}; the motion with the other events is followed too", passed.special.value)
             }
             None => trace.end.clone(),
         };
         let mut ends = ["its start".to_owned(), ended(&ahead, &passed)];
-        let numbered = |trace: &Trace, sign: f64| -> Vec<(f64, Point)> {
+        let numbered = |trace: &Trace, sign: f64| -> Vec<(f64, BranchPoint)> {
             let nodes = trace.nodes.iter().enumerate();
             nodes.filter_map(|(i, node)| Some((sign * (i + 1) as f64, self.point(node)?))).collect()
         };
@@ -341,7 +347,7 @@ impl Solver<'_> {
             let all = parent.iter().sum::<usize>();
             // Over twice the period multipliers are squares.
             let negative = if at < 0.0 { 0 } else { parent[1] };
-            let is_same = Change::is_none(&events, &found.course.tokens());
+            let is_same = EventChange::is_none(&events, &found.course.tokens());
             is_same && unstable[1] == negative && own <= all + 1 && all <= own + 1
         };
         let find = |distance: &f64| {

@@ -6,7 +6,7 @@ use nalgebra::Complex;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    follow::{Change, Trace, Vanishing, vanishing},
+    follow::{EventChange, Trace, Vanishing, vanishing},
     locate::{Located, limit},
     node::{Guess, Node, Plane, Seed, Solver, Spot},
 };
@@ -23,7 +23,7 @@ const SYMMETRIC: f64 = 1e-6;
 pub(super) const REACH: f64 = 1.5;
 pub(super) const SLACK: f64 = 1e-9;
 /// Kinds at which the derivative jumps.
-const JUMPS: [Kind; 3] = [Kind::GrazingRigid, Kind::GrazingDamped, Kind::Stick];
+const JUMPS: [SpecialKind; 3] = [SpecialKind::GrazingRigid, SpecialKind::GrazingDamped, SpecialKind::Stick];
 /// Residual above which a graze, or a coincidence, is searched for from both sides.
 const WELL: f64 = 1e-12;
 /// Most stays and speeds that are tried as the vanishing value of a graze, the shortest first.
@@ -43,7 +43,7 @@ const TOWARDS: usize = 10;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum SpecialKind {
     /// Fold: the branch turns back at a multiplier of 1.
     Fold,
     /// Period doubling: a multiplier is −1.
@@ -64,7 +64,7 @@ pub enum Kind {
     Coincidence,
 }
 
-impl Kind {
+impl SpecialKind {
     /// Returns its word in files.
     #[must_use]
     pub fn word(self) -> &'static str {
@@ -96,7 +96,7 @@ impl Kind {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Special {
     /// Kind.
-    pub kind: Kind,
+    pub kind: SpecialKind,
     /// Value of the parameter.
     pub value: f64,
     /// Period of the orbit, cycles.
@@ -116,14 +116,14 @@ pub struct Special {
     /// Index of the point on the branch; that of its neighbour if the branch is born on another one.
     pub point: usize,
     /// Data to find the point again with another number changed.
-    pub(super) trail: Trail,
+    pub(super) trail: SpecialSource,
 }
 
 /// Data from which a special point was found.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Trail {
+pub(super) struct SpecialSource {
     /// Value that is zero there.
-    pub sought: Sought,
+    pub sought: ZeroCondition,
     /// Orbit there, or the last one before.
     pub seed: Seed,
     /// Orbit from which a limit was taken.
@@ -132,7 +132,7 @@ pub(super) struct Trail {
 
 /// Value that is zero at a special point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Sought {
+pub enum ZeroCondition {
     /// Function of its kind, on a branch that goes on.
     Root,
     /// Vanishing value, seen from the side on which it exists.
@@ -142,10 +142,10 @@ pub enum Sought {
 }
 
 /// Kind, vanishing value and location of a special point.
-pub(super) type Found = (Kind, Sought, Located);
+pub(super) type LocatedKind = (SpecialKind, ZeroCondition, Located);
 
 /// Special point with the orbit there.
-pub struct Passed {
+pub struct SpecialOrbit {
     /// Special point.
     pub special: Special,
     /// Orbit, or the last one before.
@@ -163,7 +163,7 @@ pub struct Passed {
 impl Solver<'_> {
     /// Returns the special points of a branch in one direction. Also returns, in words, those that could not be located, or not until
     /// `last` cycles were run with their derivative.
-    pub fn specials(&self, trace: &Trace, sign: f64, last: u64, task: Task<'_>) -> (Vec<Passed>, Vec<String>) {
+    pub fn specials(&self, trace: &Trace, sign: f64, last: u64, task: Task<'_>) -> (Vec<SpecialOrbit>, Vec<String>) {
         let (mut all, mut unlocated) = (Vec::new(), Vec::new());
         for (i, (a, b)) in trace.before.iter().zip(&trace.nodes).enumerate() {
             if task.is_cancelled() {
@@ -180,7 +180,7 @@ impl Solver<'_> {
                 sign * (i as f64 + (part / length).clamp(1e-9, 1.0 - 1e-9))
             };
             let all_found = self.between(a, b);
-            let is_fold = |found: &(&str, Option<Found>)| found.0 == Kind::Fold.word();
+            let is_fold = |found: &(&str, Option<LocatedKind>)| found.0 == SpecialKind::Fold.word();
             let turns = a.tangent.p * b.tangent.p < 0.0 && !all_found.iter().any(is_fold);
             for (what, found) in all_found {
                 let Some((kind, sought, located)) = found.filter(|(.., located)| self.is_located(located)) else {
@@ -190,13 +190,13 @@ impl Solver<'_> {
                 let (mut special, place) = (self.special(kind, sought, &located), place(&located.node));
                 special.turns |= turns && JUMPS.contains(&kind);
                 let Located { node, section, .. } = located;
-                all.push(Passed { special, place, node, section, behind: None, is_birth: false });
+                all.push(SpecialOrbit { special, place, node, section, behind: None, is_birth: false });
             }
         }
         if self.spent.get() >= last || task.is_cancelled() {
             return (all, unlocated);
         }
-        let is_known = |passed: &Passed| passed.special.uncertainty <= LOCATED * self.family.range();
+        let is_known = |passed: &SpecialOrbit| passed.special.uncertainty <= LOCATED * self.family.range();
         if trace.stalls {
             match self.end(trace, sign).filter(is_known) {
                 Some(passed) => all.push(passed),
@@ -207,7 +207,7 @@ impl Solver<'_> {
         }
         if let Some((a, b)) = &trace.born {
             match self.birth(a, b).filter(is_known) {
-                Some(passed) => all.push(Passed { place: sign * trace.nodes.len() as f64, ..passed }),
+                Some(passed) => all.push(SpecialOrbit { place: sign * trace.nodes.len() as f64, ..passed }),
                 None => unlocated.push(format!("birth of the branch between {} and {}", a.value, b.value)),
             }
         }
@@ -215,12 +215,12 @@ impl Solver<'_> {
     }
 
     /// Returns the special points between two neighbours: each in words, with its location if that was found.
-    fn between(&self, a: &Node, b: &Node) -> Vec<(&'static str, Option<Found>)> {
-        let by_contact = match Change::of(&a.course, &b.course) {
-            Change::None => None,
-            Change::Other => Some(("change of several events", self.stick(a, b))),
-            Change::Swapped(second) => Some(("coincidence", self.coincidence(a, b, second))),
-            Change::Gained(contact, is_second) => {
+    fn between(&self, a: &Node, b: &Node) -> Vec<(&'static str, Option<LocatedKind>)> {
+        let by_contact = match EventChange::of(&a.course, &b.course) {
+            EventChange::None => None,
+            EventChange::Other => Some(("change of several events", self.stick(a, b))),
+            EventChange::Swapped(second) => Some(("coincidence", self.coincidence(a, b, second))),
+            EventChange::Gained(contact, is_second) => {
                 let (free, other) = if is_second { (a, b) } else { (b, a) };
                 Some(("graze", self.graze(free, other, contact)))
             }
@@ -228,39 +228,40 @@ impl Solver<'_> {
         // Where the derivative jumps, a multiplier can pass a value without taking it.
         let jumps = by_contact.iter().filter_map(|(_, found)| found.as_ref()).any(|(kind, ..)| JUMPS.contains(kind));
         let (before, after) = (a.unstable(), b.unstable());
-        let of_fold = if a.tangent.p * b.tangent.p < 0.0 { Kind::Fold } else { Kind::Symmetry };
+        let of_fold = if a.tangent.p * b.tangent.p < 0.0 { SpecialKind::Fold } else { SpecialKind::Symmetry };
         let is_passed = [
             (of_fold, a.fold * b.fold < 0.0),
-            (Kind::PeriodDoubling, a.flip * b.flip < 0.0),
-            (Kind::Torus, before[2] != after[2] && before[..2] == after[..2]),
+            (SpecialKind::PeriodDoubling, a.flip * b.flip < 0.0),
+            (SpecialKind::Torus, before[2] != after[2] && before[..2] == after[..2]),
         ];
         // Index of the last of the pairs that are outside on one side and inside on the other.
         let pair = (before[2].max(after[2]) / 2).saturating_sub(1);
         // A pair that damping does not move stays on the circle, on either side of it by rounding.
-        let moves =
-            |kind: Kind| kind != Kind::Torus || kind.test(a, pair).abs().max(kind.test(b, pair).abs()) > MARGINAL;
+        let moves = |kind: SpecialKind| {
+            kind != SpecialKind::Torus || kind.test(a, pair).abs().max(kind.test(b, pair).abs()) > MARGINAL
+        };
         let by_multipliers =
             is_passed.into_iter().filter(|(kind, is_passed)| *is_passed && moves(*kind)).map(|(kind, _)| {
-                let is_symmetric = kind == Kind::Symmetry;
+                let is_symmetric = kind == SpecialKind::Symmetry;
                 let solver = Self { is_symmetric, ..self.of_kind(kind) };
                 let test = |node: &Node| kind.test(node, pair);
                 let located = if jumps { solver.root(a, b, &test) } else { solver.refined(self, a, b, &test) };
                 let located = located.filter(|located| self.is_located(located));
-                (kind.word(), located.map(|located| (kind, Sought::Root, located)))
+                (kind.word(), located.map(|located| (kind, ZeroCondition::Root, located)))
             });
         by_multipliers.filter(|(_, found)| found.is_some() || !jumps).chain(by_contact).collect()
     }
 
     /// Returns the orbit from which a branch is born, between two neighbours that are the same orbit begun elsewhere. That orbit has half
     /// the period, at a doubling, or more symmetry.
-    fn birth(&self, a: &Node, b: &Node) -> Option<Passed> {
+    fn birth(&self, a: &Node, b: &Node) -> Option<SpecialOrbit> {
         let range = self.family.range();
         let (row, length) = a.chord(b, self.family.ranges());
         // The parameter is a parabola along the chord.
         let at = a.tangent.p / (a.tangent.p - b.tangent.p);
         let guess = a.guess(&row, self.family.ranges(), at * length);
         let turn = a.value + 0.5 * at * length * a.tangent.p * range;
-        let symmetric = self.of_kind(Kind::Symmetry);
+        let symmetric = self.of_kind(SpecialKind::Symmetry);
         let halves = a.orbit.period.is_multiple_of(2);
         let periods = [(a.orbit.period / 2, true), (a.orbit.period, false)];
         periods.into_iter().filter(|(_, is_half)| halves || !is_half).find_map(|(period, is_half)| {
@@ -277,16 +278,16 @@ impl Solver<'_> {
                 let plane = Plane::through(&first, &first.tangent, reach);
                 let guess = first.guess(&first.tangent, self.family.ranges(), reach);
                 let second = symmetric.at(guess, Some(&plane), 1.0).ok()?;
-                let kind = if is_half { Kind::PeriodDoubling } else { Kind::Symmetry };
+                let kind = if is_half { SpecialKind::PeriodDoubling } else { SpecialKind::Symmetry };
                 let test = |node: &Node| kind.test(node, 0);
                 if test(&first) * test(&second) > 0.0 || first.has_shorter_period() {
                     return None;
                 }
                 let solver = Self { is_symmetric: !is_half, ..self.of_kind(kind) };
                 let located = solver.root(&first, &second, &test)?;
-                let special = self.special(kind, Sought::Root, &located);
+                let special = self.special(kind, ZeroCondition::Root, &located);
                 let section = first.orbit.section.clone();
-                Some(Passed { special, node: first, section, behind: None, place: 0.0, is_birth: true })
+                Some(SpecialOrbit { special, node: first, section, behind: None, place: 0.0, is_birth: true })
             })
         })
     }
@@ -297,17 +298,17 @@ impl Solver<'_> {
     }
 
     /// Returns the same solver, on symmetric branches with a cutoff that leaves the breaking direction alone.
-    pub fn of_kind(&self, kind: Kind) -> Self {
-        let neutral = if kind == Kind::Symmetry { SYMMETRIC } else { self.neutral };
+    pub fn of_kind(&self, kind: SpecialKind) -> Self {
+        let neutral = if kind == SpecialKind::Symmetry { SYMMETRIC } else { self.neutral };
         Self { neutral, drift: self.drift.clone(), slice: self.slice.clone(), spent: Rc::clone(&self.spent), ..*self }
     }
 
-    fn special(&self, kind: Kind, sought: Sought, located: &Located) -> Special {
+    fn special(&self, kind: SpecialKind, sought: ZeroCondition, located: &Located) -> Special {
         let node = &located.node;
         let multiplier = match kind {
-            Kind::Fold | Kind::Symmetry => nearest(node, Complex::new(1.0, 0.0)),
-            Kind::PeriodDoubling => nearest(node, Complex::new(-1.0, 0.0)),
-            Kind::Torus => on_circle(node).unwrap_or_default(),
+            SpecialKind::Fold | SpecialKind::Symmetry => nearest(node, Complex::new(1.0, 0.0)),
+            SpecialKind::PeriodDoubling => nearest(node, Complex::new(-1.0, 0.0)),
+            SpecialKind::Torus => on_circle(node).unwrap_or_default(),
             _ => node.orbit.telling().first().copied().unwrap_or_default(),
         };
         Special {
@@ -318,52 +319,52 @@ impl Solver<'_> {
             residual: located.residual * self.family.range(),
             uncertainty: located.uncertainty(self.family.range()) * self.family.range(),
             multiplier,
-            turns: kind == Kind::Fold,
+            turns: kind == SpecialKind::Fold,
             branch: 0,
             point: 0,
-            trail: Trail { sought, seed: node.seed(&node.tangent), from: located.from.clone() },
+            trail: SpecialSource { sought, seed: node.seed(&node.tangent), from: located.from.clone() },
         }
     }
 
     /// Returns the kind of a graze, by the law of the contact.
-    pub(super) fn kind_of(&self, node: &Node, contact: usize, watch: Watch, is_closed: bool) -> Kind {
+    pub(super) fn kind_of(&self, node: &Node, contact: usize, watch: Watch, is_closed: bool) -> SpecialKind {
         let law = self.family.train(node.place()).ok().map(|s| s.structure.spec().contacts[contact].law);
         match law {
-            Some(Law::Rigid(_)) if is_closed => Kind::Stick,
-            Some(Law::Rigid(_)) => Kind::GrazingRigid,
-            Some(Law::KelvinVoigt(l, _)) if l.damping > 0.0 => Kind::GrazingDamped,
-            _ if watch == Watch::Force => Kind::GrazingDamped,
-            _ => Kind::GrazingSoft,
+            Some(Law::Rigid(_)) if is_closed => SpecialKind::Stick,
+            Some(Law::Rigid(_)) => SpecialKind::GrazingRigid,
+            Some(Law::KelvinVoigt(l, _)) if l.damping > 0.0 => SpecialKind::GrazingDamped,
+            _ if watch == Watch::Force => SpecialKind::GrazingDamped,
+            _ => SpecialKind::GrazingSoft,
         }
     }
 
     /// Locates the instant at which an event and the one before it, of another contact, meet. It is sought from the side of `a`, where it
     /// is number `second`, else from that of `b`.
-    fn coincidence(&self, a: &Node, b: &Node, second: usize) -> Option<Found> {
+    fn coincidence(&self, a: &Node, b: &Node, second: usize) -> Option<LocatedKind> {
         let from = |here: &Node, there: &Node, second: usize| {
             let key = Vanishing::Between(second);
-            let is_same = |node: &Node| Change::of(&here.course, &node.course) == Change::None;
+            let is_same = |node: &Node| EventChange::of(&here.course, &node.course) == EventChange::None;
             let time = |node: &Node| key.at(node).filter(|_| is_same(node));
             let (row, length) = self.towards(here, there);
             let located = self.limit(here, &(row, REACH * length), &time)?;
-            Some((Kind::Coincidence, Sought::Limit(key), located))
+            Some((SpecialKind::Coincidence, ZeroCondition::Limit(key), located))
         };
-        let is_well = |found: &Found| found.2.error <= WELL;
+        let is_well = |found: &LocatedKind| found.2.error <= WELL;
         let first = from(a, b, second);
         if first.as_ref().is_some_and(is_well) {
             return first;
         }
-        let other = match Change::of(&b.course, &a.course) {
-            Change::Swapped(second) => from(b, a, second),
+        let other = match EventChange::of(&b.course, &a.course) {
+            EventChange::Swapped(second) => from(b, a, second),
             _ => None,
         };
         first.into_iter().chain(other).min_by(|a, b| a.2.error.total_cmp(&b.2.error))
     }
 
     /// Returns the graze between a point and one with more events of `contact`.
-    fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<Found> {
-        let is_same = |node: &Node| Change::of(&free.course, &node.course) == Change::None;
-        let mut found: Vec<Found> = Vec::new();
+    fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<LocatedKind> {
+        let is_same = |node: &Node| EventChange::of(&free.course, &node.course) == EventChange::None;
+        let mut found: Vec<LocatedKind> = Vec::new();
         let reach = |a: &Node, b: &Node| {
             let (row, length) = self.towards(a, b);
             (row, REACH * length)
@@ -374,7 +375,8 @@ impl Solver<'_> {
             if j == contact && value > 0.0 {
                 let located = self.limit(free, &reach(free, other), &|node| key.at(node).filter(|_| is_same(node)));
                 found.extend(
-                    located.map(|located| (self.kind_of(free, j, watch, is_closed), Sought::Limit(key), located)),
+                    located
+                        .map(|located| (self.kind_of(free, j, watch, is_closed), ZeroCondition::Limit(key), located)),
                 );
             }
         }
@@ -386,7 +388,7 @@ impl Solver<'_> {
         found.retain(|(.., located)| is_between(located));
         if found.iter().all(|(.., located)| located.error > WELL) {
             // With the events: the first of their vanishing values.
-            let is_same = |node: &Node| Change::of(&other.course, &node.course) == Change::None;
+            let is_same = |node: &Node| EventChange::of(&other.course, &node.course) == EventChange::None;
             let of_contact = |i: usize| other.course.letters[i].contact == contact;
             let mut all = vanishing(other);
             all.retain(|(key, _)| matches!(key, Vanishing::Speed(i) | Vanishing::Stay(i) if of_contact(*i)));
@@ -394,16 +396,17 @@ impl Solver<'_> {
             for (key, _) in all.iter().take(CANDIDATES) {
                 let located = self.limit(other, &reach(other, free), &|node| key.at(node).filter(|_| is_same(node)));
                 let kind = self.kind_of_events(other, *key);
-                found.extend(located.filter(is_between).map(|located| (kind, Sought::Limit(*key), located)));
+                found.extend(located.filter(is_between).map(|located| (kind, ZeroCondition::Limit(*key), located)));
             }
         }
         // At a rigid graze only the motion without the impact is smooth.
-        let is_singular =
-            |found: &Found| found.0 == Kind::GrazingRigid && !matches!(found.1, Sought::Limit(Vanishing::Low(..)));
-        let order = |found: &Found| (!self.is_located(&found.2), is_singular(found), found.2.error);
-        let by_order = |a: &Found, b: &Found| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal);
+        let is_singular = |found: &LocatedKind| {
+            found.0 == SpecialKind::GrazingRigid && !matches!(found.1, ZeroCondition::Limit(Vanishing::Low(..)))
+        };
+        let order = |found: &LocatedKind| (!self.is_located(&found.2), is_singular(found), found.2.error);
+        let by_order = |a: &LocatedKind, b: &LocatedKind| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal);
         let mut best = found.into_iter().min_by(by_order)?;
-        if best.0 == Kind::GrazingRigid
+        if best.0 == SpecialKind::GrazingRigid
             && best.2.error > WELL
             && let Some(behind) = self.look_behind(&best.2)
         {
@@ -412,8 +415,8 @@ impl Solver<'_> {
         Some(best)
     }
 
-    fn kind_of_events(&self, node: &Node, key: Vanishing) -> Kind {
-        let (Vanishing::Speed(i) | Vanishing::Stay(i)) = key else { return Kind::Coincidence };
+    fn kind_of_events(&self, node: &Node, key: Vanishing) -> SpecialKind {
+        let (Vanishing::Speed(i) | Vanishing::Stay(i)) = key else { return SpecialKind::Coincidence };
         let letter = &node.course.letters[i];
         let rests = letter.token.starts_with(['z', 'l']);
         let watch = if letter.token.starts_with(['r', 'a']) { Watch::Force } else { Watch::DriveFlank };
@@ -421,13 +424,15 @@ impl Solver<'_> {
     }
 
     /// Returns the end of a branch: of all values that can vanish, the one that does so at the end.
-    fn end(&self, trace: &Trace, sign: f64) -> Option<Passed> {
+    fn end(&self, trace: &Trace, sign: f64) -> Option<SpecialOrbit> {
         let last = trace.nodes.last()?;
         let same: Vec<&Node> = trace
             .nodes
             .iter()
             .rev()
-            .take_while(|node| node.phase == last.phase && Change::of(&last.course, &node.course) == Change::None)
+            .take_while(|node| {
+                node.phase == last.phase && EventChange::of(&last.course, &node.course) == EventChange::None
+            })
             .collect();
         let range = self.family.range();
         let found = vanishing(last).into_iter().filter_map(|(key, value)| {
@@ -449,7 +454,7 @@ impl Solver<'_> {
         // From a point far enough for the orbits between to be well determined.
         let far = same.iter().find(|node| key.at(node).is_some_and(|g| g >= FAR)).copied();
         let far = far.or(same.last().copied())?;
-        let is_same = |node: &Node| Change::of(&last.course, &node.course) == Change::None;
+        let is_same = |node: &Node| EventChange::of(&last.course, &node.course) == EventChange::None;
         let (row, length) = self.towards(far, last);
         let closer = self.limit(far, &(row, BEYOND * length), &|node| key.at(node).filter(|_| is_same(node)));
         let closer = closer.filter(|located| located.error < error && (located.value - value).abs() <= 1e-6 * range);
@@ -460,13 +465,13 @@ impl Solver<'_> {
             Vanishing::Low(j, ..) => j,
             Vanishing::Speed(i) | Vanishing::Stay(i) | Vanishing::Between(i) => last.course.letters[i].contact,
         };
-        let behind = if kind == Kind::GrazingRigid { self.look_behind(&located) } else { None };
+        let behind = if kind == SpecialKind::GrazingRigid { self.look_behind(&located) } else { None };
         let smooth = behind.as_ref().and_then(|behind| self.refine_from_behind(&mut located, behind, contact));
         let place = sign * trace.nodes.len() as f64;
-        let mut special = self.special(kind, Sought::Limit(key), &located);
+        let mut special = self.special(kind, ZeroCondition::Limit(key), &located);
         special.trail = smooth.unwrap_or(special.trail);
         let Located { node, section, .. } = located;
-        Some(Passed { special, node, section, behind, place, is_birth: false })
+        Some(SpecialOrbit { special, node, section, behind, place, is_birth: false })
     }
 }
 

@@ -8,18 +8,20 @@ use flank::{
     plot::Report,
     study::{
         Context, StudyError,
-        advise::{Advice, Plan, Rung},
+        advise::{Advice, AdvisePlan, Rung},
         steady::Rule,
     },
 };
 use serde::Serialize;
 use serde_json::json;
 
-use super::{CliError, Done, pictures::Pictures, print, progress::counted, read_scene, report_line, request, wrapped};
+use super::{
+    CliError, Completion, pictures::Pictures, print, progress::counted, read_scene, report_line, request, wrapped,
+};
 
 /// Arguments of `flank advise`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct AdviseArguments {
     /// Scene file; the reference planetary set under light load if left out
     scene: Option<PathBuf>,
     /// Folder of report.html, the figures and their data
@@ -52,11 +54,11 @@ const TIMING: &str = "timing.json";
 struct Timing {
     /// Repetitions; within each, all models in turn.
     repetitions: usize,
-    models: Vec<Timed>,
+    models: Vec<ModelTime>,
 }
 
 #[derive(Serialize)]
-struct Timed {
+struct ModelTime {
     model: String,
     /// Forcing cycles of a repetition.
     cycles: u64,
@@ -69,9 +71,9 @@ const REPETITIONS: usize = 5;
 const STEPS: f64 = 4_000.0;
 
 /// Runs `flank advise`.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &AdviseArguments) -> Result<Completion, CliError> {
     let form = arguments.pictures.print()?;
-    let plan = Plan::new(&read_scene(arguments.scene.as_deref())?)?;
+    let plan = AdvisePlan::new(&read_scene(arguments.scene.as_deref())?)?;
     // Refused before any run, created with the first output.
     let files = Report::files(["rungs", "freedoms"], &[TABLE, ADVICE, TIMING]);
     let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
@@ -82,7 +84,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         Ok((advice, timing))
     });
     let (advice, timing) = match found {
-        Err(StudyError::Interrupted) => return print("interrupted: nothing was written\n").map(|()| Done::Interrupted),
+        Err(StudyError::Interrupted) => {
+            return print("interrupted: nothing was written\n").map(|()| Completion::Interrupted);
+        }
         found => found?,
     };
 
@@ -100,7 +104,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let report = if out.is_some() { "\n".to_owned() + &report_line(out) } else { String::new() };
         print(&(text(&advice, &timing) + &report))?;
     }
-    Ok(Done::Completely)
+    Ok(Completion::Completely)
 }
 
 /// Returns the models of the table, in its order, and the least one if that is not among them.
@@ -126,7 +130,7 @@ fn timing(advice: &Advice, task: Task<'_>) -> Result<Timing, StudyError> {
             seconds.push(start.elapsed().as_secs_f64() / cycles(rung) as f64);
         }
     }
-    let timed = |(rung, seconds): (&&Rung, Vec<f64>)| Timed {
+    let timed = |(rung, seconds): (&&Rung, Vec<f64>)| ModelTime {
         model: rung.words.clone(),
         cycles: cycles(rung),
         cycle_s: median(seconds),

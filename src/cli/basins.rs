@@ -7,20 +7,20 @@ use std::{
 
 use flank::{
     Task,
-    map::{Attractor, Basins, BasinsError, Found, Measured, basins_figure},
+    map::{Attractor, BasinResult, Basins, BasinsError, Measured, basins_figure},
     output::{Fault, Table, read_text},
     plot::Print,
     scene::Scene,
-    sweep::{Begin, Ending, Kept, Records, Share, SweepError},
+    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    CliError, Done,
+    CliError, Completion,
     map::RuleArguments,
     pictures::Pictures,
-    work::{self, Merge, Points, Work, stem},
+    work::{self, LongWork, Merge, Points, stem},
 };
 
 /// Most attractors in the printed table.
@@ -28,7 +28,7 @@ const MOST: usize = 20;
 
 /// Arguments of `flank basins`.
 #[derive(Debug, clap::Args, Deserialize, Serialize)]
-pub struct Arguments {
+pub struct BasinsArguments {
     /// Scene file; the reference scene if left out
     #[serde(skip)]
     scene: Option<PathBuf>,
@@ -43,7 +43,7 @@ pub struct Arguments {
     survey: Option<PathBuf>,
     #[command(flatten)]
     #[serde(skip)]
-    work: Work,
+    work: LongWork,
     /// Folder of basins.csv, attractors.json, basins.json and the figure
     #[arg(long, value_name = "DIR", default_value = "basins")]
     #[serde(skip)]
@@ -54,8 +54,8 @@ pub struct Arguments {
 }
 
 /// Returns the attractors that were found as text for the terminal.
-fn text(found: &Found) -> String {
-    let Found { attractors, figures, .. } = found;
+fn text(found: &BasinResult) -> String {
+    let BasinResult { attractors, figures, .. } = found;
     let rows = attractors.iter().take(MOST).enumerate().map(|(i, attractor)| {
         let share = &figures.fractions[i];
         vec![
@@ -106,7 +106,7 @@ impl Points for Plane {
     const THINGS: &'static str = "starts";
     type Rows = Records;
 
-    fn kept() -> Kept {
+    fn kept() -> CommandFiles {
         Basins::FILES
     }
 
@@ -126,12 +126,12 @@ impl Points for Plane {
         rows
     }
 
-    fn run(&self, rows: &mut Records, _: &Work, task: Task<'_>) -> Result<Ending, CliError> {
+    fn run(&self, rows: &mut Records, _: &LongWork, task: Task<'_>) -> Result<Ending, CliError> {
         let Some(survey) = self.survey(task)? else { return Ok(Ending::Interrupted) };
         Ok(self.basins.run(rows, &survey, task)?)
     }
 
-    fn finish(&self, rows: Records, work: &Work, out: &Path) -> Result<Done, CliError> {
+    fn finish(&self, rows: Records, work: &LongWork, out: &Path) -> Result<Completion, CliError> {
         let survey = self.survey(Task::default())?.unwrap_or_default();
         let found = self.basins.finish(rows, &survey, |found, folder| {
             basins_figure(&self.name, self.basins.grid(), found, self.basins.simulation().dimensionless)
@@ -141,7 +141,7 @@ impl Points for Plane {
         let failed = found.figures.fractions.last().map_or(0.0, |failed| failed.fraction);
         // Exact: a share of whole starts.
         let starts = found.figures.starts as f64;
-        Ok(Done::with_failed((failed * starts).round() as u64, starts as u64))
+        Ok(Completion::with_failed((failed * starts).round() as u64, starts as u64))
     }
 }
 
@@ -153,7 +153,7 @@ struct Survey {
 }
 
 impl Plane {
-    fn new(arguments: &Arguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+    fn new(arguments: &BasinsArguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
         let name = stem(scene.name());
         let basins = Basins::new(scene, &arguments.vary, arguments.rule.rule())?;
         Ok(Self { basins, name, form: pictures.print()?, survey: arguments.survey.clone() })
@@ -190,7 +190,7 @@ impl Plane {
 }
 
 /// Finds the end of each start.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &BasinsArguments) -> Result<Completion, CliError> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let plane = Plane::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
@@ -198,7 +198,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 }
 
 /// Merges parts of basins.
-pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, CliError> {
     let plane = Plane::new(&work::read(asked)?, scene, pictures)?;
     // A merge reads the survey, or computes it again; it writes only into its own folder.
     let survey = plane.survey.clone().filter(|file| file.exists());

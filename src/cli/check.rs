@@ -16,7 +16,7 @@ use flank::{
 
 /// Arguments of `flank check`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct CheckArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Print the same as JSON
@@ -36,7 +36,7 @@ pub struct Arguments {
 const STIFF: f64 = 1e3;
 
 /// Shows the train that a scene builds.
-pub fn execute(arguments: &Arguments) -> Result<(), CliError> {
+pub fn execute(arguments: &CheckArguments) -> Result<(), CliError> {
     let form = arguments.pictures.print()?;
     let input = arguments.scene.as_deref();
     let simulation = open(input)?;

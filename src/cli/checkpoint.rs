@@ -9,22 +9,22 @@ use flank::{
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value, json};
 
-use super::{CliError, Done, print};
+use super::{CliError, Completion, print};
 
 /// Content of a checkpoint: the request, the work done so far, and the end of a finished command.
 #[derive(Deserialize)]
 struct Content<T> {
     asked: Map<String, Value>,
     work: Option<T>,
-    finished: Option<Done>,
+    finished: Option<Completion>,
 }
 
 /// Start of a command: with work to do, or finished before.
-pub enum Begun<T> {
+pub enum CommandStart<T> {
     /// Work remains; the second field is the work done so far.
     Open(Checkpoint, Option<T>),
     /// The command was finished before, and ended so.
-    Finished(Done),
+    Finished(Completion),
 }
 
 impl<T: DeserializeOwned> Content<T> {
@@ -61,14 +61,14 @@ impl Checkpoint {
         file: &'static str,
         asked: &Value,
         (resume, quiet): (bool, bool),
-    ) -> Result<Begun<T>, CliError> {
+    ) -> Result<CommandStart<T>, CliError> {
         let asked = asked.as_object().cloned().unwrap_or_default();
         let earlier = if resume { Content::<T>::read(request.folder, file, &asked)? } else { None };
         if let Some(done) = earlier.as_ref().and_then(|content| content.finished) {
             if !quiet {
                 print(&format!("{} holds the whole of it\n", request.folder.display()))?;
             }
-            return Ok(Begun::Finished(done));
+            return Ok(CommandStart::Finished(done));
         }
         // Files of another command are not removed by --resume.
         let folder = if resume { request.reopen() } else { request.open() }?;
@@ -77,7 +77,7 @@ impl Checkpoint {
             // Work that is interrupted before the first checkpoint is identified by its request.
             checkpoint.write(None::<()>, None)?;
         }
-        Ok(Begun::Open(checkpoint, work))
+        Ok(CommandStart::Open(checkpoint, work))
     }
 
     /// Writes the work done so far.
@@ -86,11 +86,11 @@ impl Checkpoint {
     }
 
     /// Writes that the command is finished, and how it ended.
-    pub fn finish(&mut self, done: Done) -> Result<(), OutputError> {
+    pub fn finish(&mut self, done: Completion) -> Result<(), OutputError> {
         self.write(None::<()>, Some(done))
     }
 
-    fn write(&mut self, work: Option<impl Serialize>, finished: Option<Done>) -> Result<(), OutputError> {
+    fn write(&mut self, work: Option<impl Serialize>, finished: Option<Completion>) -> Result<(), OutputError> {
         let content = json!({ "asked": self.asked, "work": work, "finished": finished }).to_string();
         let sum = crc32fast::hash(content.as_bytes());
         self.folder.bytes(self.file, format!("{HEAD}{sum:08x}{MIDDLE}{content}{TAIL}"))

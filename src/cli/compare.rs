@@ -5,13 +5,13 @@ use std::{
     time::Instant,
 };
 
-use flank::accuracy::{AccuracyError, Contender, ContenderSummary, Kind, Problem, WorkPrecision};
+use flank::accuracy::{AccuracyError, Contender, ContenderSummary, Problem, SolverKind, WorkPrecision};
 
-use super::{CliError, Done, open, pictures::Pictures, print, progress::counted, report_line, request};
+use super::{CliError, Completion, open, pictures::Pictures, print, progress::counted, report_line, request};
 
 /// Arguments of `flank compare`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct CompareArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Methods, such as rk4, newmark, hht=0.1, verlet, rk4+tanh=1e6, bdf, flank-explicit; the usual ones if left out
@@ -50,7 +50,7 @@ fn growth(word: &str) -> Result<f64, String> {
 const USUAL: [&str; 8] = ["flank", "rk4", "rk4+cubic", "newmark", "verlet", "euler", "tsit45", "bdf"];
 
 /// Compares methods on a scene.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &CompareArguments) -> Result<Completion, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     let problem = Problem::new(&simulation, arguments.cycles)?;
@@ -63,7 +63,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let clock = || start.elapsed().as_secs_f64();
     let (runs, repetitions) = (found.runs(), arguments.repetitions);
     if !counted(runs, 0, "runs", arguments.quiet, |task| found.run(repetitions, &clock, task))? {
-        return print("interrupted: nothing was written\n").map(|()| Done::Interrupted);
+        return print("interrupted: nothing was written\n").map(|()| Completion::Interrupted);
     }
     let summaries = found.summaries();
     if let Some(request) = &request {
@@ -72,10 +72,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print(&text(&simulation.name, &found, &summaries, out))?;
     }
-    Ok(Done::Completely)
+    Ok(Completion::Completely)
 }
 
-fn contenders(arguments: &Arguments, problem: &Problem<'_>) -> Result<Vec<Contender>, CliError> {
+fn contenders(arguments: &CompareArguments, problem: &Problem<'_>) -> Result<Vec<Contender>, CliError> {
     let mut faults = Vec::new();
     let mut found: Vec<Contender> = Vec::new();
     let words: Vec<&str> = if arguments.methods.is_empty() {
@@ -92,7 +92,7 @@ fn contenders(arguments: &Arguments, problem: &Problem<'_>) -> Result<Vec<Conten
             Ok(contender) => faults.push(AccuracyError::Word {
                 word: word.to_owned(),
                 problem: match contender.kind {
-                    Kind::Adaptive(_) if cfg!(feature = "diffsol") => {
+                    SolverKind::Adaptive(_) if cfg!(feature = "diffsol") => {
                         "it needs a force at every contact, and a rigid one has none".to_owned()
                     }
                     _ => "not part of this build: it needs the cargo feature diffsol".to_owned(),

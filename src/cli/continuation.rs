@@ -8,7 +8,7 @@ use std::{
 
 use flank::{
     Progress,
-    branch::{Continuation, Curve, Family, Followed, Kind, curves},
+    branch::{BranchProgress, Continuation, Curve, Family, SpecialKind, curves},
     output::{Fault, Request, Table, five_digits as number},
     plot::Figure,
     scene::Scene,
@@ -21,8 +21,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::{
-    CliError, Done,
-    checkpoint::{Begun, Checkpoint},
+    CliError, Completion,
+    checkpoint::{Checkpoint, CommandStart},
     pictures::Pictures,
     print,
     progress::{cancellable, catch_interrupt, running, show},
@@ -39,7 +39,7 @@ const STATE: &str = "continue.json";
 
 /// Arguments of `flank continue`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct ContinueArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// The number to vary, by JSON pointer: POINTER=FROM:TO; P1,P2,…=FROM:TO moves further frequencies and periods with the first
@@ -58,7 +58,7 @@ pub struct Arguments {
     doublings: u32,
     /// Kind of special points to follow in a second number
     #[arg(long, value_name = "KIND", requires = "second", value_enum)]
-    follow: Option<Kind>,
+    follow: Option<SpecialKind>,
     /// Second number, by JSON pointer: POINTER=FROM:TO, as with --vary
     #[arg(long, value_name = "AXIS", requires = "follow")]
     second: Option<String>,
@@ -109,13 +109,13 @@ fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), CliErro
 
 /// Work done so far, as the checkpoint holds it.
 #[derive(Serialize, Deserialize)]
-struct Work {
-    followed: Followed,
+struct CheckpointWork {
+    followed: BranchProgress,
     curves: Vec<Curve>,
 }
 
 /// Follows branches of orbits.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &ContinueArguments) -> Result<Completion, CliError> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let (parameter, ends) = number_of(&scene, &arguments.vary)?;
     let mut family = Family::new(&scene, parameter, ends)?;
@@ -136,10 +136,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let request =
         Request { folder: &arguments.out, command: "continue", input: arguments.scene.as_deref(), force, files };
     let name = Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let begun = Checkpoint::begin::<Work>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
+    let begun = Checkpoint::begin::<CheckpointWork>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
     let (mut checkpoint, earlier) = match begun {
-        Begun::Open(checkpoint, earlier) => (checkpoint, earlier),
-        Begun::Finished(done) => return Ok(done),
+        CommandStart::Open(checkpoint, earlier) => (checkpoint, earlier),
+        CommandStart::Finished(done) => return Ok(done),
     };
     let mut branches = Branches::new(family.clone())?;
     let bar = running(arguments.quiet);
@@ -153,7 +153,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let method = Continuation { period: arguments.period, doublings: arguments.doublings };
     let (earlier, known) = earlier.map_or((None, Vec::new()), |work| (Some(work.followed), work.curves));
     let pool = threads(arguments.threads)?;
-    let mut keep = |followed: &Followed, curves: &[Curve], finished: Option<bool>| -> Result<(), CliError> {
+    let mut keep = |followed: &BranchProgress, curves: &[Curve], finished: Option<bool>| -> Result<(), CliError> {
         branches.take(&followed.branches, task);
         let folder = &mut checkpoint.folder;
         folder.bytes(TABLE, branches.table())?;
@@ -170,14 +170,14 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             }
         }
         match finished {
-            Some(false) => checkpoint.keep(&Work { followed: followed.clone(), curves: curves.to_vec() })?,
-            Some(true) => checkpoint.finish(Done::Completely)?,
+            Some(false) => checkpoint.keep(&CheckpointWork { followed: followed.clone(), curves: curves.to_vec() })?,
+            Some(true) => checkpoint.finish(Completion::Completely)?,
             None => {}
         }
         Ok(())
     };
     let mut failed = None;
-    let mut each = |followed: &Followed| -> Result<(), SimulationError> {
+    let mut each = |followed: &BranchProgress| -> Result<(), SimulationError> {
         failed = failed.take().or(keep(followed, &known, Some(false)).err());
         Ok(())
     };
@@ -206,12 +206,12 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         print(&curves_text(&found).unwrap_or_default())?;
     }
     if is_whole {
-        return Ok(Done::Completely);
+        return Ok(Completion::Completely);
     }
     if !arguments.quiet {
         print("interrupted: the branches so far are kept; the same command with --resume goes on\n")?;
     }
-    Ok(Done::Interrupted)
+    Ok(Completion::Interrupted)
 }
 
 /// Returns one line for each curve, one for each point of codimension two.

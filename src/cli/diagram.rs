@@ -4,24 +4,24 @@ use std::path::{Path, PathBuf};
 
 use flank::{
     Task,
-    map::{BranchLine, Diagram, Rows, Sampling, diagram_figure},
+    map::{BranchLine, Diagram, DiagramRows, Sampling, diagram_figure},
     output::Fault,
     plot::Print,
     scene::Scene,
-    sweep::{Begin, Ending, Kept, Records, Seeding, Share, SweepError},
+    sweep::{Begin, CommandFiles, Ending, Records, Seeding, Share, SweepError},
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    CliError, Done,
+    CliError, Completion,
     pictures::Pictures,
-    work::{self, Merge, Points, Work, stem},
+    work::{self, LongWork, Merge, Points, stem},
 };
 
 /// Arguments of `flank diagram`.
 #[derive(Debug, clap::Args, Deserialize, Serialize)]
-pub struct Arguments {
+pub struct DiagramArguments {
     /// Scene file; the reference scene if left out
     #[serde(skip)]
     scene: Option<PathBuf>,
@@ -45,7 +45,7 @@ pub struct Arguments {
     branches: Option<PathBuf>,
     #[command(flatten)]
     #[serde(skip)]
-    work: Work,
+    work: LongWork,
     /// Folder of diagram.csv, impacts.csv, exponents.csv, diagram.json and the figure
     #[arg(long, value_name = "DIR", default_value = "diagram")]
     #[serde(skip)]
@@ -56,19 +56,19 @@ pub struct Arguments {
 }
 
 /// Diagram, the branches over it, and the form of its figure.
-struct Drawn {
+struct DiagramWithForm {
     diagram: Diagram,
     name: String,
     branches: Vec<BranchLine>,
     form: Print,
 }
 
-impl Points for Drawn {
+impl Points for DiagramWithForm {
     const COMMAND: &'static str = "diagram";
     const THINGS: &'static str = "values";
-    type Rows = Rows;
+    type Rows = DiagramRows;
 
-    fn kept() -> Kept {
+    fn kept() -> CommandFiles {
         Diagram::FILES
     }
 
@@ -76,23 +76,23 @@ impl Points for Drawn {
         [self.diagram.rows(), self.diagram.plan().chains()]
     }
 
-    fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Rows>, SweepError> {
+    fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<DiagramRows>, SweepError> {
         self.diagram.open(folder, begin, share)
     }
 
-    fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Rows, SweepError> {
+    fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<DiagramRows, SweepError> {
         self.diagram.merged(folders, out)
     }
 
-    fn records(rows: &mut Rows) -> &mut Records {
+    fn records(rows: &mut DiagramRows) -> &mut Records {
         rows.records_mut()
     }
 
-    fn run(&self, rows: &mut Rows, _: &Work, task: Task<'_>) -> Result<Ending, CliError> {
+    fn run(&self, rows: &mut DiagramRows, _: &LongWork, task: Task<'_>) -> Result<Ending, CliError> {
         Ok(self.diagram.run(rows, task)?)
     }
 
-    fn finish(&self, rows: Rows, work: &Work, out: &Path) -> Result<Done, CliError> {
+    fn finish(&self, rows: DiagramRows, work: &LongWork, out: &Path) -> Result<Completion, CliError> {
         let (diagram, count) = (&self.diagram, self.diagram.rows());
         let own = diagram.own();
         let first = own.structure.spec().freedoms.first().map_or_else(String::new, |freedom| own.in_words(freedom));
@@ -106,12 +106,12 @@ impl Points for Drawn {
             failed => format!(", {failed} values failed (exponents.csv, column error)"),
         };
         work.say(&format!("{} section points{failed}: {}\n", points.sections, out.join("diagram.csv").display()))?;
-        Ok(Done::with_failed(points.failed as u64, count as u64))
+        Ok(Completion::with_failed(points.failed as u64, count as u64))
     }
 }
 
-impl Drawn {
-    fn new(arguments: &Arguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+impl DiagramWithForm {
+    fn new(arguments: &DiagramArguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
         let name = stem(scene.name());
         let seeding = match arguments.seed.as_str() {
             "down" => Seeding::Down,
@@ -135,14 +135,14 @@ impl Drawn {
 }
 
 /// Draws a diagram.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &DiagramArguments) -> Result<Completion, CliError> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
-    let drawn = Drawn::new(arguments, scene.clone(), &arguments.pictures)?;
+    let drawn = DiagramWithForm::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
     work::execute(&drawn, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))
 }
 
 /// Merges parts of a diagram.
-pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
-    work::merge(&Drawn::new(&work::read(asked)?, scene, pictures)?, parts)
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, CliError> {
+    work::merge(&DiagramWithForm::new(&work::read(asked)?, scene, pictures)?, parts)
 }

@@ -17,11 +17,11 @@ use flank::{
 };
 use serde_json::json;
 
-use super::{CliError, Done, pictures::Pictures, print, progress::counted, study::read_study, tell, threads};
+use super::{CliError, Completion, pictures::Pictures, print, progress::counted, study::read_study, tell, threads};
 
 /// Arguments of `flank fit`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct FitArguments {
     /// Study file with scenes, plots, claims, and the numbers to find ("fit"); the reference set with one set of numbers, if left out
     study: Option<PathBuf>,
     /// Folder of fit.json, the study with the best numbers, the trials and the figure
@@ -71,7 +71,7 @@ const TRIALS: &str = "trials.jsonl";
 const ANSWER: &str = "fit.json";
 
 /// Finds numbers of a study.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &FitArguments) -> Result<Completion, CliError> {
     let form = arguments.pictures.print()?;
     let plan = match arguments.study.as_deref() {
         Some(path) => {
@@ -110,11 +110,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let trials = match counted(count, 0, "trials", arguments.quiet, search) {
         Err(StudyError::Interrupted) => {
             tell("interrupted: the trials are kept; go on with --resume");
-            return Ok(Done::Interrupted);
+            return Ok(Completion::Interrupted);
         }
         trials => trials?,
     };
-    let Some(found) = FitResult::new(&fit, &trials) else { return Ok(Done::Partly) };
+    let Some(found) = FitResult::new(&fit, &trials) else { return Ok(Completion::Partly) };
     folder.complete(ANSWER, &found)?;
     if let Some(best) = fit.study(&found.values()) {
         for (name, scene) in best.scenes() {
@@ -125,7 +125,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print(&words(&found))?;
     }
-    Ok(Done::Completely)
+    Ok(Completion::Completely)
 }
 
 fn scene_file(name: &str) -> String {

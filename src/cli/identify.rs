@@ -13,11 +13,11 @@ use flank::{
 };
 use serde::Serialize;
 
-use super::{CliError, Done, print, progress::counted, read_scene, request, tell};
+use super::{CliError, Completion, print, progress::counted, read_scene, request, tell};
 
 /// Arguments of `flank identify`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct IdentifyArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Numbers to find: JSON pointers (several joined by commas stay equal) with their bounds
@@ -57,7 +57,7 @@ struct Source<'a> {
 }
 
 /// Finds numbers of a scene.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &IdentifyArguments) -> Result<Completion, CliError> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let mut faults = Vec::new();
     let parameters: Vec<Parameter> = read(&arguments.vary, &mut faults);
@@ -73,7 +73,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let found = match counted(STARTS, 0, "descents", arguments.quiet, descend) {
         Err(StudyError::Interrupted) => {
             tell("stopped: nothing is found, nothing is written");
-            return Ok(Done::Interrupted);
+            return Ok(Completion::Interrupted);
         }
         found => found?,
     };
@@ -86,7 +86,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print(&text(&scene, &found).unwrap_or_default())?;
     }
-    Ok(Done::Completely)
+    Ok(Completion::Completely)
 }
 
 fn read<T: FromStr<Err = IdentifyError>>(texts: &[String], faults: &mut Vec<Fault>) -> Vec<T> {

@@ -12,7 +12,7 @@ use super::{CliError, print};
 
 /// Arguments of `flank import`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct ImportArguments {
     /// Gearbox file in the format REXS: XML, JSON or zip
     file: PathBuf,
     /// Scene to write; the origin of each number is written into a file beside it that ends in .origins.csv
@@ -39,7 +39,7 @@ pub struct Arguments {
 }
 
 /// Makes a scene of a file.
-pub fn execute(arguments: &Arguments) -> Result<(), CliError> {
+pub fn execute(arguments: &ImportArguments) -> Result<(), CliError> {
     let mut faults = Vec::new();
     let set = arguments.set.iter().filter_map(|text| assignment(text, &mut faults)).collect();
     let origins = arguments.out.with_extension("origins.csv");
@@ -99,7 +99,7 @@ fn csv(import: &Import) -> String {
     Table::new(HEAD).with(rows(import)).csv()
 }
 
-fn text(import: &Import, arguments: &Arguments) -> Result<String, std::fmt::Error> {
+fn text(import: &Import, arguments: &ImportArguments) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     write!(out, "{}", Table::new(HEAD).with(rows(import)))?;
     for note in &import.notes {

@@ -14,8 +14,8 @@ use flank::{
 use serde_json::json;
 
 use super::{
-    CliError, Done,
-    checkpoint::{Begun, Checkpoint},
+    CliError, Completion,
+    checkpoint::{Checkpoint, CommandStart},
     open,
     pictures::Pictures,
     print,
@@ -30,7 +30,7 @@ const PAUSE: Duration = Duration::from_secs(1);
 
 /// Arguments of `flank lyapunov`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct LyapunovArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Folder of lyapunov.json and its picture
@@ -62,7 +62,7 @@ pub struct Arguments {
 }
 
 /// Computes exponents.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &LyapunovArguments) -> Result<Completion, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     SectionMap::new(&simulation)?;
@@ -77,8 +77,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     });
     let begun = Checkpoint::begin::<Averaging>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
     let (mut checkpoint, earlier) = match begun {
-        Begun::Open(checkpoint, earlier) => (checkpoint, earlier),
-        Begun::Finished(done) => return Ok(done),
+        CommandStart::Open(checkpoint, earlier) => (checkpoint, earlier),
+        CommandStart::Finished(done) => return Ok(done),
     };
     let method =
         Lyapunov { cycles: arguments.cycles, without_saltation: arguments.without_saltation, finite: arguments.finite };
@@ -102,7 +102,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     let exponents = exponents?;
     let is_interrupted = exponents.reason.as_deref() == Some(INTERRUPTED);
-    let done = if exponents.is_whole { Done::Completely } else { Done::Partly };
+    let done = if exponents.is_whole { Completion::Completely } else { Completion::Partly };
     if !exponents.course.is_empty() {
         pictures::exponents(&simulation, &exponents).write(&mut checkpoint.folder, &form)?;
     }
@@ -122,7 +122,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let kept = if last.is_some() { "the averages so far are kept" } else { "too few cycles for averages to keep" };
         print(&format!("interrupted: {kept}; the same command with --resume goes on\n"))?;
     }
-    Ok(Done::Interrupted)
+    Ok(Completion::Interrupted)
 }
 
 fn text(name: &str, e: &Exponents) -> Result<String, std::fmt::Error> {

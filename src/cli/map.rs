@@ -4,23 +4,23 @@ use std::path::{Path, PathBuf};
 
 use flank::{
     Task,
-    map::{KindMap, Rule, Tally, figure},
+    map::{CellRule, KindMap, Tally, figure},
     plot::Print,
     scene::Scene,
-    sweep::{Begin, Ending, Kept, Records, Share, SweepError},
+    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    CliError, Done,
+    CliError, Completion,
     pictures::Pictures,
-    work::{self, Merge, Points, Work, stem},
+    work::{self, LongWork, Merge, Points, stem},
 };
 
 /// Arguments of `flank map`.
 #[derive(Debug, clap::Args, Deserialize, Serialize)]
-pub struct Arguments {
+pub struct MapArguments {
     /// Scene file; the reference scene if left out
     #[serde(skip)]
     scene: Option<PathBuf>,
@@ -35,7 +35,7 @@ pub struct Arguments {
     rule: RuleArguments,
     #[command(flatten)]
     #[serde(skip)]
-    work: Work,
+    work: LongWork,
     /// Folder of map.csv, map.json and the figure
     #[arg(long, value_name = "DIR", default_value = "map")]
     #[serde(skip)]
@@ -57,8 +57,8 @@ pub struct RuleArguments {
 }
 
 impl RuleArguments {
-    pub fn rule(&self) -> Rule {
-        Rule { transient_cycles: self.transient, further_cycles: self.further, ..Rule::default() }
+    pub fn rule(&self) -> CellRule {
+        CellRule { transient_cycles: self.transient, further_cycles: self.further, ..CellRule::default() }
     }
 }
 
@@ -79,7 +79,7 @@ impl Points for Map {
     const THINGS: &'static str = "cells";
     type Rows = Records;
 
-    fn kept() -> Kept {
+    fn kept() -> CommandFiles {
         KindMap::FILES
     }
 
@@ -99,11 +99,11 @@ impl Points for Map {
         rows
     }
 
-    fn run(&self, rows: &mut Records, _: &Work, task: Task<'_>) -> Result<Ending, CliError> {
+    fn run(&self, rows: &mut Records, _: &LongWork, task: Task<'_>) -> Result<Ending, CliError> {
         Ok(self.map.run(rows, task)?)
     }
 
-    fn finish(&self, rows: Records, work: &Work, out: &Path) -> Result<Done, CliError> {
+    fn finish(&self, rows: Records, work: &LongWork, out: &Path) -> Result<Completion, CliError> {
         let map = &self.map;
         let name = stem(map.plane().scene().name());
         let tally = map.finish(rows, |tally, folder| {
@@ -111,19 +111,19 @@ impl Points for Map {
             figure(&name, map.plane().grid(), tally, &map.shown(), dimensionless).draw_into(folder, &self.form)
         })?;
         work.say(&format!("{}{} cells: {}\n", counts(&tally), tally.cells(), out.join("map.csv").display()))?;
-        Ok(Done::with_failed(tally.failed(), tally.cells() as u64))
+        Ok(Completion::with_failed(tally.failed(), tally.cells() as u64))
     }
 }
 
 impl Map {
-    fn new(arguments: &Arguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+    fn new(arguments: &MapArguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
         let map = KindMap::new(scene, &arguments.vary, arguments.rule.rule(), &arguments.columns)?;
         Ok(Self { map, form: pictures.print()? })
     }
 }
 
 /// Maps the kinds of motion.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &MapArguments) -> Result<Completion, CliError> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let map = Map::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
@@ -131,6 +131,6 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 }
 
 /// Merges parts of a map.
-pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, CliError> {
     work::merge(&Map::new(&work::read(asked)?, scene, pictures)?, parts)
 }

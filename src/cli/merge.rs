@@ -5,15 +5,15 @@ use std::path::PathBuf;
 use flank::{Instructions, output::Fault, scene::Scene, sweep::Share};
 
 use super::{
-    CliError, Done, basins, diagram, map,
+    CliError, Completion, basins, diagram, map,
     pictures::Pictures,
     sweep,
-    work::{Merge, Part, Work, parts},
+    work::{LongWork, Merge, PartDescription, parts},
 };
 
 /// Arguments of `flank merge`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct MergeArguments {
     /// Folders of all parts
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
@@ -34,8 +34,8 @@ pub struct Arguments {
 }
 
 /// Merges the parts of divided work.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let Part { command, part, name, scene, asked, instructions } = parts(&arguments.folders)?;
+pub fn execute(arguments: &MergeArguments) -> Result<Completion, CliError> {
+    let PartDescription { command, part, name, scene, asked, instructions } = parts(&arguments.folders)?;
     let share: Share = part.parse().map_err(|found| {
         let fault = Fault::new("the parts", format!("{part}: {found}"), "parts that flank has written");
         CliError::Arguments(vec![fault])
@@ -50,7 +50,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     let scene = Scene::from_value(scene, &name)?;
     let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from(&command));
-    let work = Work::silent(arguments.quiet);
+    let work = LongWork::silent(arguments.quiet);
     let merge = Merge {
         folders: &arguments.folders,
         of: share.of,

@@ -68,43 +68,43 @@ pub struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run a scene: events, measures, energy ledger
-    Run(run::Arguments),
+    Run(run::RunArguments),
     /// Make every figure and number of a study, with a report to look at
-    Study(study::Arguments),
+    Study(study::StudyArguments),
     /// Simplify a scene step by step: change and saving of each step, and the freedoms that matter
-    Advise(advise::Arguments),
+    Advise(advise::AdviseArguments),
     /// Measure the steady motion at every point of a grid of scene numbers
-    Sweep(sweep::Arguments),
+    Sweep(sweep::SweepArguments),
     /// Find the load below which meshes lose contact: a graze to all digits, or a bracket where the motion jumps
-    Threshold(threshold::Arguments),
+    Threshold(threshold::ThresholdArguments),
     /// Decide what the motion is in every cell over two numbers: periodic, chaotic, teeth apart, one flank or both
-    Map(map::Arguments),
+    Map(map::MapArguments),
     /// Draw section points, impacts and exponents of motions against one number, on the way up and down
-    Diagram(diagram::Arguments),
+    Diagram(diagram::DiagramArguments),
     /// Merge the parts of a divided sweep, map, diagram or basins
-    Merge(merge::Arguments),
+    Merge(merge::MergeArguments),
     /// Find the end of each start in a plane of starts: attractors, their basins, the form of their boundary
-    Basins(basins::Arguments),
+    Basins(basins::BasinsArguments),
     /// Solve for the periodic orbit that a scene starts on or approaches: stable or not, with its multipliers
-    Orbit(orbit::Arguments),
+    Orbit(orbit::OrbitArguments),
     /// Follow periodic orbits along a number of the scene, and locate the points at which the motion changes
-    Continue(continuation::Arguments),
+    Continue(continuation::ContinueArguments),
     /// Measure all Lyapunov exponents of the motion that a scene runs to, with their bands
-    Lyapunov(lyapunov::Arguments),
+    Lyapunov(lyapunov::LyapunovArguments),
     /// Compare Flank with fixed-step and adaptive codes on a scene: accuracy against work
-    Compare(compare::Arguments),
+    Compare(compare::CompareArguments),
     /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
-    Check(check::Arguments),
+    Check(check::CheckArguments),
     /// Map where fixed-step methods give the right motion: their step against stiffness, damping or backlash
-    Stability(stability::Arguments),
+    Stability(stability::StabilityArguments),
     /// Find numbers of a scene from natural frequencies and static contact forces
-    Identify(identify::Arguments),
+    Identify(identify::IdentifyArguments),
     /// Find numbers of a study for which most of its claims about motions are met, and which claims exclude each other
-    Fit(fit::Arguments),
+    Fit(fit::FitArguments),
     /// Render the impacts of a scene as sound, through a transfer path
-    Sound(sound::Arguments),
+    Sound(sound::SoundArguments),
     /// Make a scene of a gearbox file that another program wrote, with the origin of each number
-    Import(import::Arguments),
+    Import(import::ImportArguments),
     /// Print the JSON Schema of scenes
     Schema,
     /// Print completions for a shell
@@ -120,11 +120,11 @@ enum Command {
     },
     /// Look at scenes
     #[command(subcommand)]
-    Scene(Look),
+    Scene(SceneCommand),
 }
 
 #[derive(Debug, Subcommand)]
-enum Look {
+enum SceneCommand {
     /// Print a scene with every default written out
     Show {
         /// Scene file; the reference scene if left out
@@ -154,7 +154,7 @@ fn exit(error: &clap::Error) -> ! {
 
 /// End of a command, from which its exit code follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub enum Done {
+pub enum Completion {
     /// The command did all that was asked.
     Completely,
     /// The command failed, or has no answer to what was asked.
@@ -167,7 +167,7 @@ pub enum Done {
     Interrupted,
 }
 
-impl Done {
+impl Completion {
     /// Returns the exit code.
     pub fn code(self) -> ExitCode {
         match self {
@@ -191,7 +191,7 @@ impl Done {
 }
 
 /// Executes the command that the arguments name.
-pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: Arguments) -> Result<Completion, CliError> {
     flank::output::wait_for_others(std::time::Duration::from_secs(arguments.lock_wait.into()));
     match arguments.command {
         Command::Run(arguments) => return run::execute(&arguments),
@@ -227,9 +227,11 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
             written.map_err(|error| CliError::File("flank.1".to_owned(), error))?;
             print(&String::from_utf8_lossy(&text))?;
         }
-        Command::Scene(Look::Show { scene }) => print(&format!("{:#}\n", read_scene(scene.as_deref())?.resolved()))?,
+        Command::Scene(SceneCommand::Show { scene }) => {
+            print(&format!("{:#}\n", read_scene(scene.as_deref())?.resolved()))?
+        }
     }
-    Ok(Done::Completely)
+    Ok(Completion::Completely)
 }
 
 /// Reads a scene; `-` is standard input, no path the reference scene.

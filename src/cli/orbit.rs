@@ -4,15 +4,15 @@ use std::{fmt::Write, path::PathBuf};
 
 use flank::{
     Simulation,
-    orbit::{Found, Search, Searched, SectionMap, pictures},
+    orbit::{Search, SearchResult, SearchState, SectionMap, pictures},
     output::{Request, Table, five_digits as number},
     plot::Figure,
 };
 use serde_json::json;
 
 use super::{
-    CliError, Done,
-    checkpoint::{Begun, Checkpoint},
+    CliError, Completion,
+    checkpoint::{Checkpoint, CommandStart},
     open,
     pictures::Pictures,
     print,
@@ -25,7 +25,7 @@ const STATE: &str = "orbit.state";
 
 /// Arguments of `flank orbit`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct OrbitArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Folder of orbit.json and its picture
@@ -54,7 +54,7 @@ pub struct Arguments {
 }
 
 /// Solves for orbits.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &OrbitArguments) -> Result<Completion, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?.in_common_cycles()?;
     SectionMap::new(&simulation)?.repeats()?;
@@ -66,17 +66,17 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         "flank": env!("CARGO_PKG_VERSION"), "scene_sha256": simulation.hash(), "period": arguments.period,
         "starts": arguments.starts,
     });
-    let begun = Checkpoint::begin::<Searched>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
+    let begun = Checkpoint::begin::<SearchState>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
     let (mut checkpoint, earlier) = match begun {
-        Begun::Open(checkpoint, earlier) => (checkpoint, earlier),
-        Begun::Finished(done) => return Ok(done),
+        CommandStart::Open(checkpoint, earlier) => (checkpoint, earlier),
+        CommandStart::Finished(done) => return Ok(done),
     };
     let search = Search { period: arguments.period, starts: arguments.starts };
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
     let working = catch_interrupt();
     let (task, mut failed, mut is_kept) = (cancellable(&progress), None, earlier.is_some());
-    let mut keep = |work: &Searched| {
+    let mut keep = |work: &SearchState| {
         failed = failed.take().or(checkpoint.keep(work).err());
         is_kept = true;
     };
@@ -92,7 +92,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if let Some(orbit) = found.orbits.first() {
         pictures::orbit(&simulation, orbit, found.orbits.len())?.write(&mut checkpoint.folder, &form)?;
     }
-    let done = if found.reason.is_some() { Done::Partly } else { Done::Completely };
+    let done = if found.reason.is_some() { Completion::Partly } else { Completion::Completely };
     if !task.is_cancelled() {
         checkpoint.finish(done)?;
     }
@@ -106,10 +106,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let kept = if is_kept { "; the same command with --resume goes on" } else { "" };
         print(&format!("what was found is in {ORBIT}{kept}\n"))?;
     }
-    Ok(Done::Interrupted)
+    Ok(Completion::Interrupted)
 }
 
-fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Error> {
+fn text(simulation: &Simulation, found: &SearchResult) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     let count = found.orbits.len();
     writeln!(out, "{}: {count} {}", simulation.name, if count == 1 { "orbit" } else { "orbits" })?;

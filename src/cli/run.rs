@@ -12,12 +12,12 @@ use flank::{
     output::{Request, five_digits as number, label},
     plot::{Item, Print, Report},
     scene::{Duration, strict},
-    simulation::{Ended, RunRecord, Summary, event_head, event_lines},
+    simulation::{EndKind, RunRecord, Summary, event_head, event_lines},
     study::run_page,
 };
 
 use super::{
-    CliError, Done, open,
+    CliError, Completion, open,
     pictures::Pictures,
     print,
     progress::{Estimate, cancellable, catch_interrupt, running, show},
@@ -26,7 +26,7 @@ use super::{
 
 /// Arguments of `flank run`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct RunArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Write events.jsonl, events.csv, summary.json and report.html with its figures into this folder; `-` writes the table of events to
@@ -62,7 +62,7 @@ pub struct Arguments {
 }
 
 /// Runs a scene.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &RunArguments) -> Result<Completion, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     if arguments.strict && !simulation.warnings.is_empty() {
@@ -109,7 +109,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let task = job.task;
     let record = job.attempt(out);
     let written = match (&record, request) {
-        (Ok(record), Some(request)) if record.outcome.kind == Ended::ReachedEnd => {
+        (Ok(record), Some(request)) if record.outcome.kind == EndKind::ReachedEnd => {
             write_page(&simulation, record, request, (&form, task))
         }
         _ => Ok(()),
@@ -135,18 +135,18 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let asked = arguments.events.is_some_and(|n| n <= run.event_budget);
     match (record.failure, record.summary.outcome.kind) {
         (Some(failure), _) => Err(failure.into()),
-        (None, Ended::ReachedEnd) => Ok(Done::Completely),
-        (None, Ended::EventBudgetSpent) if asked => Ok(Done::Completely),
-        (None, Ended::EventBudgetSpent) => {
+        (None, EndKind::ReachedEnd) => Ok(Completion::Completely),
+        (None, EndKind::EventBudgetSpent) if asked => Ok(Completion::Completely),
+        (None, EndKind::EventBudgetSpent) => {
             let cycle = record.summary.outcome.cycle;
             tell(&format!(
                 "the event budget of the scene, {}, was spent in cycle {cycle}: raise /run/event_budget, or end the run earlier",
                 run.event_budget
             ));
-            Ok(Done::BudgetSpent)
+            Ok(Completion::BudgetSpent)
         }
-        (None, Ended::Interrupted) => Ok(Done::Interrupted),
-        _ => Ok(Done::Partly),
+        (None, EndKind::Interrupted) => Ok(Completion::Interrupted),
+        _ => Ok(Completion::Partly),
     }
 }
 

@@ -9,14 +9,14 @@ use flank::{
 };
 
 use super::{
-    CliError, Done, open, print,
+    CliError, Completion, open, print,
     progress::{cancellable, catch_interrupt, running},
     tell,
 };
 
 /// Arguments of `flank sound`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct SoundArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Sound file: WAV, one channel, 48 kHz, 32-bit float
@@ -46,7 +46,7 @@ pub struct Arguments {
 const LONGEST: f64 = 600.0;
 
 /// Renders the impacts of a scene.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &SoundArguments) -> Result<Completion, CliError> {
     let mut faults = Vec::new();
     let mut positive = |name: &str, value: f64, most: f64| {
         if !(value > 0.0 && value <= most) {
@@ -122,7 +122,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             largest * arguments.full_scale
         ));
     }
-    Ok(Done::Completely)
+    Ok(Completion::Completely)
 }
 
 fn write(file: &std::path::Path, samples: &[f64]) -> Result<(), hound::Error> {

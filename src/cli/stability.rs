@@ -5,20 +5,21 @@ use std::path::{Path, PathBuf};
 use flank::{
     Simulation,
     accuracy::{
-        Contender, Kind,
-        stability::{Map, Plan, Reference, Rule},
+        Contender, SolverKind,
+        stability::{LongRule, Map, MapPlan, Reference},
     },
     output::Fault,
     train::Quantity,
 };
 
 use super::{
-    CliError, Done, axis, open, pictures::Pictures, print, progress::counted, report_line, request, threads, wrapped,
+    CliError, Completion, axis, open, pictures::Pictures, print, progress::counted, report_line, request, threads,
+    wrapped,
 };
 
 /// Arguments of `flank stability`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct StabilityArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Fixed-step methods: rk4, newmark, hht[=ALPHA], generalized-alpha[=RHO], euler, verlet, each with +tanh=SIGMA,
@@ -27,7 +28,7 @@ pub struct Arguments {
     methods: Vec<String>,
     /// Quantity of every contact that is multiplied
     #[arg(long, value_enum, default_value = "stiffness")]
-    over: Over,
+    over: Abscissa,
     /// Factors: FROM:TO:COUNT[:log] or V1,V2,…; 1 is always among them
     #[arg(long, value_name = "AXIS", default_value = "0.1:10:13:log")]
     factors: String,
@@ -35,7 +36,7 @@ pub struct Arguments {
     #[arg(long, value_name = "AXIS", default_value = "5:10000:15:log")]
     steps: String,
     /// Most cycles of a run
-    #[arg(long, value_name = "N", default_value_t = Rule::default().cycles, value_parser = clap::value_parser!(u64).range(10..=100_000))]
+    #[arg(long, value_name = "N", default_value_t = LongRule::default().cycles, value_parser = clap::value_parser!(u64).range(10..=100_000))]
     cycles: u64,
     /// Folder of report.html, stability.json, stability.csv and the figure
     #[arg(long, value_name = "DIR")]
@@ -55,7 +56,7 @@ pub struct Arguments {
 
 /// See [`Quantity`].
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Over {
+enum Abscissa {
     /// Stiffness; the damping ratio stays
     Stiffness,
     /// Damping
@@ -72,7 +73,7 @@ const FIXED: [&str; 6] = ["rk4", "newmark", "hht", "generalized-alpha", "euler",
 const MOST: usize = 100_000;
 
 /// Makes the map.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &StabilityArguments) -> Result<Completion, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     let plan = plan(arguments, &simulation, Map::cycle_length(&simulation)?)?;
@@ -85,7 +86,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         pool.install(|| Map::make(&simulation, &plan, task))
     })?;
     let Some(map) = map else {
-        return print("interrupted: a map is written as a whole, so nothing is kept\n").map(|()| Done::Interrupted);
+        return print("interrupted: a map is written as a whole, so nothing is kept\n")
+            .map(|()| Completion::Interrupted);
     };
     if let Some(request) = &request {
         map.write(&mut request.open()?, &simulation, &form)?;
@@ -94,16 +96,16 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         print(&text(&simulation, &map, out))?;
     }
     let judged = map.rows.iter().any(|row| row.error.is_none());
-    Ok(if judged { Done::Completely } else { Done::Partly })
+    Ok(if judged { Completion::Completely } else { Completion::Partly })
 }
 
 /// Reads the plan from the arguments; an error lists every fault.
-fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<Plan, CliError> {
+fn plan(arguments: &StabilityArguments, simulation: &Simulation, period: f64) -> Result<MapPlan, CliError> {
     let mut faults = Vec::new();
     let over = match arguments.over {
-        Over::Stiffness => Quantity::Stiffness,
-        Over::Damping => Quantity::Damping,
-        Over::Backlash => Quantity::Backlash,
+        Abscissa::Stiffness => Quantity::Stiffness,
+        Abscissa::Damping => Quantity::Damping,
+        Abscissa::Backlash => Quantity::Backlash,
     };
     if !simulation.structure.spec().has(over) {
         let word = over.word();
@@ -117,7 +119,7 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
     let mut methods: Vec<Contender> = Vec::new();
     for word in &arguments.methods {
         match Contender::parse(word) {
-            Ok(method) if matches!(method.kind, Kind::Fixed(_)) => methods.push(method),
+            Ok(method) if matches!(method.kind, SolverKind::Fixed(_)) => methods.push(method),
             Ok(_) => faults.push(method(format!("{word}, which chooses its own steps"))),
             // Fault of a known method; the others are not available here.
             Err(error) if known(word) => faults.push(method(error.to_string())),
@@ -157,8 +159,8 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
     let thousand = Reference { name: "1000 steps".to_owned(), steps_per_cycle: 1000 };
     let references =
         std::iter::once(thousand).chain(used).filter(|r| (4..=most).contains(&r.steps_per_cycle)).collect();
-    let rule = Rule { cycles: arguments.cycles, ..Rule::default() };
-    Ok(Plan { over, factors, steps, methods, references, rule })
+    let rule = LongRule { cycles: arguments.cycles, ..LongRule::default() };
+    Ok(MapPlan { over, factors, steps, methods, references, rule })
 }
 
 /// Returns the values of an axis, all of them in a range.

@@ -10,7 +10,7 @@ use flank::{
     plot::Report,
     simulation::SimulationError,
     study::{
-        Context, Kind, StudyError,
+        Context, FigureKind, StudyError,
         claims::Comparison,
         page::Contents,
         plan::{Entry, Plan},
@@ -22,11 +22,13 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{CliError, Done, axis, pictures::Pictures, print, progress::counted, read_scene, report_line, threads};
+use super::{
+    CliError, Completion, axis, pictures::Pictures, print, progress::counted, read_scene, report_line, threads,
+};
 
 /// Arguments of `flank study`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct StudyArguments {
     /// Scene, or study file with scenes, plots and claims; the reference planetary set, beside its published numbers, if left out
     scene: Option<PathBuf>,
     /// The reference set with one set of numbers for all figures, preset reference, in place of three
@@ -37,7 +39,7 @@ pub struct Arguments {
     out: PathBuf,
     /// Make only these figures
     #[arg(long, value_name = "FIG", num_args = 1.., value_parser = kind)]
-    only: Vec<Kind>,
+    only: Vec<FigureKind>,
     /// Loads, N m: FROM:TO:COUNT or V1,V2,…; POINTER= before them names another number
     #[arg(long, value_name = "AXIS")]
     loads: Option<String>,
@@ -57,9 +59,9 @@ pub struct Arguments {
     pictures: Pictures,
 }
 
-fn kind(word: &str) -> Result<Kind, String> {
-    Kind::ALL.into_iter().find(|kind| kind.id() == word).ok_or_else(|| {
-        let names: Vec<&str> = Kind::ALL.iter().map(|kind| kind.id()).collect();
+fn kind(word: &str) -> Result<FigureKind, String> {
+    FigureKind::ALL.into_iter().find(|kind| kind.id() == word).ok_or_else(|| {
+        let names: Vec<&str> = FigureKind::ALL.iter().map(|kind| kind.id()).collect();
         format!("known figures: {}", names.join(", "))
     })
 }
@@ -68,7 +70,7 @@ const TABLE: &str = "table.csv";
 const SUMMARY: &str = "study.json";
 
 /// Returns the file name of the table of a figure.
-fn table(kind: Kind) -> String {
+fn table(kind: FigureKind) -> String {
     format!("figures/{}-table.csv", kind.id())
 }
 
@@ -84,10 +86,10 @@ struct Summary<'a> {
 }
 
 /// Makes a study.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &StudyArguments) -> Result<Completion, CliError> {
     let form = arguments.pictures.print()?;
     let plan = plan(arguments)?;
-    let asked: Vec<Kind> = Kind::ALL
+    let asked: Vec<FigureKind> = FigureKind::ALL
         .into_iter()
         .filter(
             |kind| {
@@ -104,7 +106,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let pool = threads(arguments.threads)?;
     let (rule, runs) = (Rule::default(), asked.iter().map(|kind| plan.runs(*kind)).sum());
     let made = counted(runs, 0, "runs", arguments.quiet, |task| {
-        let make = |kind: &Kind| {
+        let make = |kind: &FigureKind| {
             let made = plan.make(*kind, &Context { rule, task });
             // Written as soon as it is made: later plots may be interrupted.
             if let Ok(entry) = &made {
@@ -141,7 +143,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if interrupted {
         let (kept, out) = (contents.entries.len(), arguments.out.display());
         let text = format!("interrupted: {kept} figures are kept in {out}/figures; there is no report of them\n");
-        return print(&text).map(|()| Done::Interrupted);
+        return print(&text).map(|()| Completion::Interrupted);
     }
     if !plan.claims.is_empty() && arguments.only.is_empty() {
         contents.contradictions = plan.contradictions()?;
@@ -154,10 +156,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print(&text(&contents, &arguments.out))?;
     }
-    Ok(if failed { Done::Partly } else { Done::Completely })
+    Ok(if failed { Completion::Partly } else { Completion::Completely })
 }
 
-fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
+fn plan(arguments: &StudyArguments) -> Result<Plan, CliError> {
     let mut faults = Vec::new();
     let mut varied = |name: &str, text: &Option<String>| {
         let text = text.as_ref()?;
@@ -226,7 +228,7 @@ fn provenance(contents: &Contents, rule: &Rule) -> Vec<String> {
 }
 
 fn summary(contents: &Contents, rule: Rule) -> Summary<'_> {
-    let figure = |(kind, entry): &(Kind, Entry)| {
+    let figure = |(kind, entry): &(FigureKind, Entry)| {
         json!({
             "id": kind.id(), "scene": entry.scene[0], "scene_sha256": entry.scene[1], "table": entry.listing,
         })

@@ -11,20 +11,20 @@ use flank::{
         SteadySweep,
         steady::{Rule, Seed, Steady},
     },
-    sweep::{Begin, Ending, Grid, Journal, Kept, Plan, Records, Seeding, Share, SweepError},
+    sweep::{Begin, CommandFiles, Ending, Grid, Journal, Plan, Records, Seeding, Share, SweepError},
 };
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    CliError, Done,
+    CliError, Completion,
     pictures::Pictures,
-    work::{self, Merge, Points, Work, stem},
+    work::{self, LongWork, Merge, Points, stem},
 };
 
 /// Arguments of `flank sweep`.
 #[derive(Debug, clap::Args, Deserialize, Serialize)]
-pub struct Arguments {
+pub struct SweepArguments {
     /// Scene file; the reference scene if left out
     #[serde(skip)]
     scene: Option<PathBuf>,
@@ -44,7 +44,7 @@ pub struct Arguments {
     pictures: Pictures,
     #[command(flatten)]
     #[serde(skip)]
-    work: Work,
+    work: LongWork,
     /// Measures of contacts in sweep.csv, by their names without unit; the usual ones if left out
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     columns: Vec<String>,
@@ -66,18 +66,18 @@ fn tolerance(word: &str) -> Result<f64, String> {
 }
 
 /// Sweep, and the form of its figure.
-struct Swept {
+struct SweepWithForm {
     sweep: SteadySweep,
     name: String,
     form: Print,
 }
 
-impl Points for Swept {
+impl Points for SweepWithForm {
     const COMMAND: &'static str = "sweep";
     const THINGS: &'static str = "rows";
     type Rows = Journal<Steady, Seed>;
 
-    fn kept() -> Kept {
+    fn kept() -> CommandFiles {
         SteadySweep::FILES
     }
 
@@ -97,11 +97,11 @@ impl Points for Swept {
         rows.records_mut()
     }
 
-    fn run(&self, rows: &mut Self::Rows, _: &Work, task: Task<'_>) -> Result<Ending, CliError> {
+    fn run(&self, rows: &mut Self::Rows, _: &LongWork, task: Task<'_>) -> Result<Ending, CliError> {
         Ok(self.sweep.run(rows, task)?)
     }
 
-    fn finish(&self, rows: Self::Rows, work: &Work, out: &Path) -> Result<Done, CliError> {
+    fn finish(&self, rows: Self::Rows, work: &LongWork, out: &Path) -> Result<Completion, CliError> {
         let sweep = &self.sweep;
         let tally = sweep.finish(rows, |rows, folder| {
             match sweep_figure(&self.name, sweep.plan(), rows, sweep.dimensionless()) {
@@ -114,12 +114,12 @@ impl Points for Swept {
             failed => format!(", {failed} of them failed (column error)"),
         };
         work.say(&format!("{} rows{failed}: {}\n", tally.rows, out.join("sweep.csv").display()))?;
-        Ok(Done::with_failed(tally.failed as u64, tally.rows as u64))
+        Ok(Completion::with_failed(tally.failed as u64, tally.rows as u64))
     }
 }
 
-impl Swept {
-    fn new(arguments: &Arguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+impl SweepWithForm {
+    fn new(arguments: &SweepArguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
         let name = stem(scene.name());
         let grid = Grid::parse(&arguments.vary)?;
         let sweep = SteadySweep::new(scene, Plan::new(grid, arguments.seed), rule(arguments))?;
@@ -129,19 +129,19 @@ impl Swept {
 }
 
 /// Sweeps a scene.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &SweepArguments) -> Result<Completion, CliError> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
-    let swept = Swept::new(arguments, scene.clone(), &arguments.pictures)?;
+    let swept = SweepWithForm::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
     work::execute(&swept, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))
 }
 
 /// Merges parts of a sweep.
-pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
-    work::merge(&Swept::new(&work::read(asked)?, scene, pictures)?, parts)
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, CliError> {
+    work::merge(&SweepWithForm::new(&work::read(asked)?, scene, pictures)?, parts)
 }
 
-fn rule(arguments: &Arguments) -> Rule {
+fn rule(arguments: &SweepArguments) -> Rule {
     let mut rule = Rule::default();
     if let Some(tolerance) = arguments.tolerance {
         rule.approach.tolerance = tolerance;

@@ -6,7 +6,7 @@ use flank::{
     output::Fault,
     scene::Scene,
     study::{
-        rattle::{Loss, Rattle, Search, load_of},
+        rattle::{Loss, Rattle, RattleSearch, load_of},
         steady::Rule,
     },
     sweep::GridError,
@@ -14,7 +14,7 @@ use flank::{
 use serde_json::json;
 
 use super::{
-    CliError, Done, print,
+    CliError, Completion, print,
     progress::{cancellable, catch_interrupt, running},
     read_scene,
 };
@@ -24,7 +24,7 @@ const MOST: f64 = 512.0;
 
 /// Arguments of `flank threshold`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {
+pub struct ThresholdArguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Number to vary, by JSON pointer, to its end with contact kept, where the search begins; from a thousandth of the load of the scene
@@ -43,7 +43,7 @@ pub struct Arguments {
 }
 
 /// Finds a threshold.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+pub fn execute(arguments: &ThresholdArguments) -> Result<Completion, CliError> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let (pointer, range) = range(arguments, &scene).map_err(GridError)?;
     if scene.built().spec.contacts.iter().any(|contact| contact.law.is_rigid()) {
@@ -54,7 +54,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         );
         return Err(CliError::Arguments(vec![fault.remedy("give the contact a stiffness, or use flank sweep")]));
     }
-    let search = Search { scene: &scene, pointer: &pointer, range, loss: arguments.by, rule: Rule::default() };
+    let search = RattleSearch { scene: &scene, pointer: &pointer, range, loss: arguments.by, rule: Rule::default() };
     let bar = running(arguments.quiet);
     let progress = |_| bar.tick();
     let working = catch_interrupt();
@@ -73,7 +73,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     drop(working);
     bar.finish_and_clear();
     let found = match found {
-        Err(_) if task.is_cancelled() => return Ok(Done::Interrupted),
+        Err(_) if task.is_cancelled() => return Ok(Completion::Interrupted),
         found => found?,
     };
     let shared = shared?;
@@ -85,11 +85,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             "before it the start of the scene leads to another motion, which has the event: sweep both ways to see both\n",
         )?;
     }
-    Ok(Done::Completely)
+    Ok(Completion::Completely)
 }
 
 /// Returns the number and its range: the end without loss of contact last.
-fn range(arguments: &Arguments, scene: &Scene) -> Result<(String, [f64; 2]), Vec<Fault>> {
+fn range(arguments: &ThresholdArguments, scene: &Scene) -> Result<(String, [f64; 2]), Vec<Fault>> {
     let Some(text) = &arguments.vary else {
         return load_of(scene).map(|(pointer, load)| (pointer, [1e-3 * load, 8.0 * load])).ok_or_else(|| {
             let found = "no load that is a number in this train";

@@ -10,13 +10,13 @@ use flank::{
     Instructions,
     output::{Fault, Folder, OutputError, read_text},
     scene::Scene,
-    sweep::{Begin, Ending, Kept, Records, Share, SweepError},
+    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
 };
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::{
-    CliError, Done, print,
+    CliError, Completion, print,
     progress::{counted, lasting, limit},
     read_scene, tell, threads,
 };
@@ -26,7 +26,7 @@ const PART: &str = "part.json";
 
 /// Long work, stored as it is done.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub struct Work {
+pub struct LongWork {
     /// Resume an interrupted command
     #[arg(long, conflicts_with = "force")]
     resume: bool,
@@ -66,7 +66,7 @@ fn instructions(name: &str) -> Result<Instructions, String> {
     Instructions::named(name).ok_or_else(|| format!("this machine does not have them; its best are {best:?}"))
 }
 
-impl Work {
+impl LongWork {
     /// Reads its scene, with the requested instructions.
     pub fn scene(&self, path: Option<&Path>) -> Result<Scene, CliError> {
         self.instructions.into_iter().for_each(Instructions::choose);
@@ -108,7 +108,7 @@ pub trait Points: Sized + Sync {
     type Rows: Send;
 
     /// Returns the files that it stores.
-    fn kept() -> Kept;
+    fn kept() -> CommandFiles;
     /// Returns the number of its rows, and of the chains by which they are divided.
     fn rows(&self) -> [usize; 2];
     /// Opens the rows of a share in a folder.
@@ -118,23 +118,23 @@ pub trait Points: Sized + Sync {
     /// Returns its records.
     fn records(rows: &mut Self::Rows) -> &mut Records;
     /// Computes the missing rows.
-    fn run(&self, rows: &mut Self::Rows, work: &Work, task: flank::Task<'_>) -> Result<Ending, CliError>;
+    fn run(&self, rows: &mut Self::Rows, work: &LongWork, task: flank::Task<'_>) -> Result<Ending, CliError>;
     /// Writes the final files, and returns the end of the command.
-    fn finish(&self, rows: Self::Rows, work: &Work, out: &Path) -> Result<Done, CliError>;
+    fn finish(&self, rows: Self::Rows, work: &LongWork, out: &Path) -> Result<Completion, CliError>;
 }
 
 /// Does the work of a command, or a share of it, by the arguments `asked`.
 pub fn execute<P: Points>(
     points: &P,
     (scene, asked): (&Scene, &Value),
-    work: &Work,
+    work: &LongWork,
     (input, out): (Option<&Path>, &Path),
-) -> Result<Done, CliError> {
+) -> Result<Completion, CliError> {
     let [rows, chains] = points.rows();
     if work.count {
         let time = duration(points, work)?;
         print(&format!("{rows} {} in {chains} chains{time}\n", P::THINGS))?;
-        return Ok(Done::Completely);
+        return Ok(Completion::Completely);
     }
     if let Some(of) = work.plan {
         return plan(chains, of as usize, out);
@@ -151,7 +151,7 @@ pub fn execute<P: Points>(
     }
     let Some(mut kept) = points.open(out, begin, share)? else {
         work.say(&format!("{} holds all of it\n", out.display()))?;
-        return Ok(Done::Completely);
+        return Ok(Completion::Completely);
     };
     let records = P::records(&mut kept);
     if !records.outputs().is_locked() {
@@ -187,11 +187,11 @@ pub fn execute<P: Points>(
             "interrupted: {count} of {own} {} are kept in {out}; the same command with --resume goes on\n",
             P::THINGS
         ))?;
-        return Ok(Done::Interrupted);
+        return Ok(Completion::Interrupted);
     }
     if share.of > 1 {
         work.say(&format!("part {share}: all of its {own} {} are kept in {}\n", P::THINGS, out.display()))?;
-        return Ok(Done::Completely);
+        return Ok(Completion::Completely);
     }
     points.finish(kept, work, out)
 }
@@ -201,7 +201,7 @@ const TRIED: usize = 64;
 const TRIAL: f64 = 2.0;
 
 /// Returns the time that all rows take, in words, from those that are done in a moment.
-fn duration<P: Points>(points: &P, work: &Work) -> Result<String, CliError> {
+fn duration<P: Points>(points: &P, work: &LongWork) -> Result<String, CliError> {
     let [rows, chains] = points.rows();
     let folder = std::env::temp_dir().join(format!("flank-count-{}", std::process::id()));
     let share = Share { part: 0, of: (chains / TRIED).clamp(1, Share::MOST) };
@@ -209,7 +209,7 @@ fn duration<P: Points>(points: &P, work: &Work) -> Result<String, CliError> {
     let Ok(Some(mut kept)) = points.open(&folder, Begin::New, share) else { return Ok(String::new()) };
     limit(TRIAL);
     let began = Instant::now();
-    let quiet = Work { quiet: true, ..work.clone() };
+    let quiet = LongWork { quiet: true, ..work.clone() };
     let tried = counted(0, 0, P::THINGS, true, |task| pool.install(|| points.run(&mut kept, &quiet, task)));
     let (seconds, count) = (began.elapsed().as_secs_f64(), P::records(&mut kept).count());
     drop(kept);
@@ -223,7 +223,7 @@ fn duration<P: Points>(points: &P, work: &Work) -> Result<String, CliError> {
 }
 
 /// Prints the command line of every part.
-fn plan(chains: usize, of: usize, out: &Path) -> Result<Done, CliError> {
+fn plan(chains: usize, of: usize, out: &Path) -> Result<Completion, CliError> {
     let words: Vec<String> = std::env::args().collect();
     let mut text = String::new();
     let mut kept = Vec::new();
@@ -249,7 +249,7 @@ fn plan(chains: usize, of: usize, out: &Path) -> Result<Done, CliError> {
         text += &format!("{} --part {part}/{of} --resume --out {folder}\n", kept.join(" "));
     }
     print(&text)?;
-    Ok(Done::Completely)
+    Ok(Completion::Completely)
 }
 
 /// Returns a word quoted for a shell.
@@ -263,7 +263,7 @@ fn quoted(word: &str) -> String {
 
 /// Description of a part.
 #[derive(Debug, PartialEq, Deserialize, Serialize)]
-pub struct Part {
+pub struct PartDescription {
     pub command: String,
     pub part: String,
     /// Name of the scene, and the scene as it was given.
@@ -284,18 +284,21 @@ fn describe<P: Points>(folder: &mut Folder, (scene, asked): (&Scene, &Value), sh
 }
 
 /// Reads the descriptions of the parts in some folders, which must agree except for their numbers.
-pub fn parts(folders: &[PathBuf]) -> Result<Part, CliError> {
+pub fn parts(folders: &[PathBuf]) -> Result<PartDescription, CliError> {
     let mut faults = Vec::new();
-    let mut first: Option<Part> = None;
+    let mut first: Option<PartDescription> = None;
     for folder in folders {
         let place = folder.join(PART);
         let read = read_text(&place).map_err(|error| error.to_string());
-        match (read.and_then(|text| serde_json::from_str::<Part>(&text).map_err(|error| error.to_string())), &first) {
+        match (
+            read.and_then(|text| serde_json::from_str::<PartDescription>(&text).map_err(|error| error.to_string())),
+            &first,
+        ) {
             (Err(why), _) => faults.push(Fault::new(&place.display().to_string(), why, "the folder of a part")),
             (Ok(part), None) => first = Some(part),
             (Ok(part), Some(known)) => {
                 let same = part.command == known.command && part.scene == known.scene && part.asked == known.asked;
-                let of = |part: &Part| part.part.parse::<Share>().map(|share| share.of);
+                let of = |part: &PartDescription| part.part.parse::<Share>().map(|share| share.of);
                 if !same || of(&part) != of(known) {
                     let found =
                         "another scene, command, arguments or number of parts than in the first folder".to_owned();
@@ -325,18 +328,18 @@ pub struct Merge<'a> {
     pub out: &'a Path,
     pub force: bool,
     pub only_check: bool,
-    pub work: &'a Work,
+    pub work: &'a LongWork,
 }
 
 /// Merges parts: writes the files of an undivided run.
-pub fn merge<P: Points>(points: &P, merge: &Merge<'_>) -> Result<Done, CliError> {
+pub fn merge<P: Points>(points: &P, merge: &Merge<'_>) -> Result<Completion, CliError> {
     let Merge { folders, out, work, .. } = merge;
     let begin = if merge.force { Begin::Replace } else { Begin::New };
     let mut rows = points.merged((folders, merge.of), (out, begin))?;
     if merge.only_check {
         let count = P::records(&mut rows).count();
         work.say(&format!("{} parts are complete: {count} {}\n", folders.len(), P::THINGS))?;
-        return Ok(Done::Completely);
+        return Ok(Completion::Completely);
     }
     P::records(&mut rows).begin(begin)?;
     points.finish(rows, work, out)

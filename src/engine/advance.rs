@@ -5,12 +5,12 @@ use std::{collections::BTreeMap, ops::ControlFlow};
 use super::{
     EngineError, Observer, Outcome, lane,
     leap::Leaps,
-    state::{Counters, Options, Point, State},
-    visit::{Again, Arrival, Core, End, Place},
+    state::{Counters, Options, State, WideState},
+    visit::{ArcEnd, ArcSpan, Arrival, Core, StepsToRepeat},
 };
 use crate::{
     hybrid::{FULL_PRECISION, GuardSet, HybridSystem, Instant, JetField, Lane, Mode},
-    integrate::{Arc, Before, Integrator},
+    integrate::{Arc, EarlierSteps, Integrator},
 };
 
 /// Maximum number of motions kept: some kilobytes each, and more modes than most trains revisit.
@@ -21,14 +21,14 @@ const MAX_STILL: u32 = 10_000;
 
 /// Record of a mode that the run has visited.
 #[derive(Default)]
-struct Met<'s> {
-    known: Option<Known<'s>>,
+struct VisitedMode<'s> {
+    known: Option<ModeMotion<'s>>,
     /// Number of arcs of the run in the mode, counted even after its motion is dropped.
     arcs: u64,
 }
 
 /// Motion of a mode, and the flag that permits leaps in it.
-struct Known<'s> {
+struct ModeMotion<'s> {
     motion: Option<Box<dyn JetField + 's>>,
     leaps: bool,
 }
@@ -36,9 +36,9 @@ struct Known<'s> {
 /// Drives a hybrid system from event to event.
 pub struct Engine<'s> {
     integrator: Box<dyn Integrator + 's>,
-    point: Point,
+    point: WideState,
     /// Modes visited; `kept` is the number of those whose motion is kept.
-    motions: BTreeMap<Mode, Met<'s>>,
+    motions: BTreeMap<Mode, VisitedMode<'s>>,
     kept: usize,
     leaps: Leaps,
     /// Lane for motions that no observer watches, if the system has one.
@@ -58,7 +58,7 @@ impl<'s> Engine<'s> {
         state: State,
     ) -> Self {
         let end = [state.x.clone(), state.x.clone()];
-        let (core, point) = (Core::new(system, options, &state), Point::new(state));
+        let (core, point) = (Core::new(system, options, &state), WideState::new(state));
         let lane = system.lane().filter(|_| !crate::old_steps());
         Self { integrator, point, motions: BTreeMap::new(), kept: 0, leaps: Leaps::default(), lane, end, core }
     }
@@ -73,7 +73,7 @@ impl<'s> Engine<'s> {
         self.motions.values_mut().for_each(|met| met.arcs = 0);
         self.integrator = integrator;
         self.core = Core::new(self.core.system, self.core.options, &state);
-        self.point = Point::new(state);
+        self.point = WideState::new(state);
     }
 
     /// Returns the current state of the run.
@@ -116,8 +116,8 @@ impl<'s> Engine<'s> {
                 self.lane.as_deref_mut().filter(|_| !observer.wants_anything() && self.core.summed.is_none())
             {
                 match lane::go_on(lane, &mut self.core, &mut *self.integrator, &mut self.point, end) {
-                    Some(End::Bound) => break,
-                    Some(End::Rest(guards, accumulation)) => {
+                    Some(ArcEnd::Bound) => break,
+                    Some(ArcEnd::Rest(guards, accumulation)) => {
                         self.core.rest(&mut self.point, guards, accumulation)?;
                         continue;
                     }
@@ -126,20 +126,20 @@ impl<'s> Engine<'s> {
             }
             let switch = self.core.next_switch.filter(|switch| *switch <= end);
             let ended = match switch {
-                Some(switch) if switch <= self.state().at => End::Bound,
+                Some(switch) if switch <= self.state().at => ArcEnd::Bound,
                 Some(switch) => self.arc(switch, Arrival::Switch, observer)?,
                 None => self.arc(end, Arrival::End, observer)?,
             };
             match ended {
-                End::Bound if switch.is_some() => self.core.switch(&mut self.point),
-                End::Bound | End::Again => {}
-                End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
-                End::Rest(guards, accumulation) => {
+                ArcEnd::Bound if switch.is_some() => self.core.switch(&mut self.point),
+                ArcEnd::Bound | ArcEnd::Again => {}
+                ArcEnd::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
+                ArcEnd::Rest(guards, accumulation) => {
                     self.core.rest(&mut self.point, guards, accumulation)?;
                     continue;
                 }
-                End::Resume(until) => self.point = self.core.resume(until).unwrap_or_else(|| self.point.clone()),
-                End::Stop(outcome) => return Ok(outcome),
+                ArcEnd::Resume(until) => self.point = self.core.resume(until).unwrap_or_else(|| self.point.clone()),
+                ArcEnd::Stop(outcome) => return Ok(outcome),
             }
             // An arc too short for a step does not refute a sum.
             if let Some(outcome) = self.core.confirm(&self.point.state, observer) {
@@ -150,17 +150,17 @@ impl<'s> Engine<'s> {
         // An instant exactly at the end is still open. The instant and all its jumps belong to this run.
         while self.core.iteration.is_open() && span > 0.0 {
             match self.arc(clock.advance(self.state().at, span), Arrival::Record, observer)? {
-                End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
-                End::Stop(outcome) => return Ok(outcome),
-                End::Again => {}
-                End::Bound | End::Rest(..) | End::Resume(_) => return Ok(Outcome::ReachedEnd),
+                ArcEnd::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
+                ArcEnd::Stop(outcome) => return Ok(outcome),
+                ArcEnd::Again => {}
+                ArcEnd::Bound | ArcEnd::Rest(..) | ArcEnd::Resume(_) => return Ok(Outcome::ReachedEnd),
             }
         }
         Ok(self.core.close(&self.point.state, observer).unwrap_or(Outcome::ReachedEnd))
     }
 
     /// Integrates one smooth arc up to `bound`; leaves the state at the end of the arc, in the mode of the arc.
-    fn arc(&mut self, bound: Instant, arrival: Arrival, observer: &mut dyn Observer) -> Result<End, EngineError> {
+    fn arc(&mut self, bound: Instant, arrival: Arrival, observer: &mut dyn Observer) -> Result<ArcEnd, EngineError> {
         let Self { integrator, point, motions, kept, leaps, end: [end, end_low], core, .. } = self;
         let mode = &point.state.jump.mode;
         if *kept >= MAX_MOTIONS && motions.get(mode).is_none_or(|met| met.known.is_none()) {
@@ -173,14 +173,14 @@ impl<'s> Engine<'s> {
             let arc = core.system.clock().between(point.state.at, bound);
             let leaps = integrator.is_exact(core.system, mode, arc) && !crate::old_steps();
             *kept += 1;
-            Known { motion: core.system.motion(mode), leaps }
+            ModeMotion { motion: core.system.motion(mode), leaps }
         });
         let motion = &known.motion;
         let again = core.again.take();
         core.is_again = again.is_some();
-        let mut before = again.as_ref().map_or_else(Before::default, |again| {
-            let Again { steps, extent, left_out } = again;
-            Before { steps: *steps, extent, left_out: *left_out }
+        let mut before = again.as_ref().map_or_else(EarlierSteps::default, |again| {
+            let StepsToRepeat { steps, extent, left_out } = again;
+            EarlierSteps { steps: *steps, extent, left_out: *left_out }
         });
         if let Some(motion) = motion.as_deref().filter(|_| known.leaps && !core.is_again && core.summed.is_none()) {
             if let Some(end) = leaps.arc(core, (motion, met.arcs), point, bound, arrival, observer)? {
@@ -188,7 +188,7 @@ impl<'s> Engine<'s> {
             }
             before = leaps.before();
         }
-        let Point { state, low, carried } = point;
+        let WideState { state, low, carried } = point;
         let mode = &state.jump.mode;
         core.counters.arcs += u64::from(before.steps == 0 && !core.is_again);
         // Valid if the arc ends before its first step.
@@ -206,7 +206,7 @@ impl<'s> Engine<'s> {
             tolerance: if core.is_again { FULL_PRECISION } else { core.options.truncation() },
             before,
         };
-        let place = Place { state, bound, arrival };
+        let place = ArcSpan { state, bound, arrival };
         // If leaps precede these steps, the leaps began the arc.
         let (mut ended, mut first) = (Ok(None), before.steps == 0);
         integrator
@@ -215,8 +215,8 @@ impl<'s> Engine<'s> {
                 if matches!(ended, Ok(None)) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             })
             .map_err(|source| EngineError::Integrate { mode: core.system.mode_in_words(mode), source })?;
-        let (ended, left) = (ended?.unwrap_or(End::Bound), &mut core.left);
-        if let End::Bound = ended {
+        let (ended, left) = (ended?.unwrap_or(ArcEnd::Bound), &mut core.left);
+        if let ArcEnd::Bound = ended {
             left.state.at = bound;
             std::mem::swap(&mut left.state.x, end);
             std::mem::swap(&mut left.low, end_low);

@@ -14,7 +14,7 @@
 use super::EngineError;
 use crate::{
     event::Located,
-    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Known, Leap, Mode, Passage},
+    hybrid::{GuardId, GuardSet, GuardValue, HybridSystem, Instant, Leap, Mode, Passage},
     integrate::DenseStep,
     poly,
 };
@@ -36,7 +36,7 @@ fn on() -> bool {
 
 /// Largest rounding and kind of one guard.
 #[derive(Clone, Copy, Debug)]
-struct Met {
+struct GuardRounding {
     /// Largest rounding so far, in units of the guard; below zero before the first value.
     rounding: f64,
     /// True if no jump changes the value of the guard.
@@ -47,7 +47,7 @@ struct Met {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Alarm {
     /// All guards up to the highest number seen, indexed by number.
-    met: Vec<Met>,
+    met: Vec<GuardRounding>,
     /// Guard, value and error of each row at the end of the last step of the arc.
     ends: Vec<(GuardId, f64, f64)>,
     /// The mode of that step.
@@ -111,7 +111,7 @@ impl Alarm {
         gathered: impl Fn(GuardId) -> f64,
     ) -> Result<(), EngineError> {
         let tests = on() && !self.ends.is_empty();
-        for (i, Known { guard, value, error, terms, .. }) in leap.starts.iter().enumerate() {
+        for (i, GuardValue { guard, value, error, terms, .. }) in leap.starts.iter().enumerate() {
             self.meet(system, *guard, *error);
             if tests {
                 self.start_of(system, at, (i, *guard, *value), first, || TERMS * terms + gathered(*guard))?;
@@ -134,7 +134,7 @@ impl Alarm {
         let slot = usize::from(guard.0);
         while self.met.len() <= slot {
             let id = GuardId(self.met.len() as u16);
-            self.met.push(Met { rounding: -1.0, is_continuous: system.is_continuous(id) });
+            self.met.push(GuardRounding { rounding: -1.0, is_continuous: system.is_continuous(id) });
         }
         let met = &mut self.met[slot];
         if rounding > met.rounding {
@@ -162,7 +162,7 @@ impl Alarm {
         first: bool,
         added: impl FnOnce() -> f64,
     ) -> Result<(), EngineError> {
-        let Met { rounding, is_continuous } = self.met[usize::from(guard.0)];
+        let GuardRounding { rounding, is_continuous } = self.met[usize::from(guard.0)];
         if first && !is_continuous {
             return Ok(());
         }
@@ -177,7 +177,7 @@ impl Alarm {
     /// Records the end of a leap after which the arc goes on.
     pub fn end_leap(&mut self, mode: &Mode, leap: &Leap) {
         self.mode = mode.clone();
-        for Known { guard, value, error, terms, .. } in leap.ends.iter().copied() {
+        for GuardValue { guard, value, error, terms, .. } in leap.ends.iter().copied() {
             let error = error + self.largest_rounding(guard) + TERMS * terms;
             self.ends.push((guard, value, error));
         }

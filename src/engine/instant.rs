@@ -5,10 +5,10 @@
 //! instant is closed and recorded (`docs/EVENTS.md`, 2, 11 to 15 and 20).
 
 use super::{
-    EngineError, Jumped, Observer, Outcome,
+    EngineError, JumpRecord, Observer, Outcome,
     chatter::Flight,
-    state::{Point, State},
-    visit::{Arrival, Core, End, Place, Summed},
+    state::{State, WideState},
+    visit::{ArcEnd, ArcSpan, Arrival, Core, SequenceSum},
 };
 use crate::{
     event::{Accumulation, Conditioning, EventRecord, Located},
@@ -118,14 +118,14 @@ impl Core<'_> {
     /// Makes the jump of the guards of `located` at `point`.
     pub fn fire(
         &mut self,
-        point: &mut Point,
+        point: &mut WideState,
         located: &Located,
         observer: &mut dyn Observer,
     ) -> Result<(), EngineError> {
         let Self { system, alarm, iteration, tolerance, .. } = self;
         iteration.open(&point.state);
         let EventIteration { record, cascade, strikes, fastest, .. } = iteration;
-        let Point { state: State { at, x, jump }, low, carried } = point;
+        let WideState { state: State { at, x, jump }, low, carried } = point;
         record.fired |= &located.fired;
         if located.conditioning.time >= record.conditioning.time {
             record.conditioning = located.conditioning;
@@ -162,7 +162,7 @@ impl Core<'_> {
         }
         if let Some((from, x_minus)) = &before {
             let (x_plus, fired) = (x.as_slice(), &located.fired);
-            observer.jump(&Jumped { at: *at, from, to: jump, fired, x_minus, x_plus, settles });
+            observer.jump(&JumpRecord { at: *at, from, to: jump, fired, x_minus, x_plus, settles });
         }
         if !jump.struck.is_empty() {
             *strikes += 1;
@@ -176,7 +176,7 @@ impl Core<'_> {
     }
 
     /// Advances the schedule of the mode at a known switching time, at which `point` is.
-    pub fn switch(&mut self, point: &mut Point) {
+    pub fn switch(&mut self, point: &mut WideState) {
         self.counters.switches += 1;
         self.iteration.open(&point.state);
         self.iteration.record.switched = true;
@@ -187,9 +187,14 @@ impl Core<'_> {
 
     /// Ends an impact sequence: the contacts of `guards` come to rest. The time of the record is that of the sum, which is ahead of the
     /// state. The first step of the motion at rest confirms the sum if nothing else happens before.
-    pub fn rest(&mut self, point: &mut Point, guards: GuardSet, accumulation: Accumulation) -> Result<(), EngineError> {
+    pub fn rest(
+        &mut self,
+        point: &mut WideState,
+        guards: GuardSet,
+        accumulation: Accumulation,
+    ) -> Result<(), EngineError> {
         let (clock, before) = (self.system.clock(), point.clone());
-        let Point { state, low, carried } = point;
+        let WideState { state, low, carried } = point;
         low.fill(0.0);
         carried.clear();
         self.alarm.jumped();
@@ -201,26 +206,34 @@ impl Core<'_> {
         (record.at, record.fired, record.accumulation, record.jumps) = (at, guards.clone(), Some(accumulation), 1);
         record.conditioning =
             Conditioning { time: accumulation.uncertainty, estimated: true, ..Conditioning::default() };
-        self.summed = Some(Summed { before, guards, remaining });
+        self.summed = Some(SequenceSum { before, guards, remaining });
         Ok(())
     }
 
     /// Confirms the sum of an impact sequence that has led to `state`, if any, and closes its instant. Returns the outcome if the run ends.
     pub fn confirm(&mut self, state: &State, observer: &mut dyn Observer) -> Option<Outcome> {
-        let Summed { before, guards, .. } = self.summed.take()?;
+        let SequenceSum { before, guards, .. } = self.summed.take()?;
         self.chatter.clear();
         if observer.wants_jumps() {
             let State { at, x, jump } = &before.state;
             let (x_plus, fired) = (state.x.as_slice(), &guards);
-            observer.jump(&Jumped { at: *at, from: jump, to: &state.jump, fired, x_minus: x, x_plus, settles: true });
+            observer.jump(&JumpRecord {
+                at: *at,
+                from: jump,
+                to: &state.jump,
+                fired,
+                x_minus: x,
+                x_plus,
+                settles: true,
+            });
         }
         let is_spent = |core: &Self| core.counters.events >= core.options.max_events;
         self.close(state, observer).or_else(|| is_spent(self).then_some(Outcome::EventBudgetSpent))
     }
 
     /// Revokes the sum of an impact sequence: impacts go on one by one up to `until`. Returns the point after the last resolved impact.
-    pub fn resume(&mut self, until: Instant) -> Option<Point> {
-        let Summed { before, .. } = self.summed.take()?;
+    pub fn resume(&mut self, until: Instant) -> Option<WideState> {
+        let SequenceSum { before, .. } = self.summed.take()?;
         self.chatter.block(until);
         self.iteration.stage = Stage::Past;
         self.iteration.record.at = before.state.at;
@@ -250,18 +263,18 @@ impl Core<'_> {
     pub fn resolve(
         &mut self,
         step: &dyn DenseStep,
-        place: Place<'_>,
+        place: ArcSpan<'_>,
         located: &mut Option<Located>,
         left: f64,
         observer: &mut dyn Observer,
-    ) -> Option<End> {
+    ) -> Option<ArcEnd> {
         if let Some(located) = located.take_if(|l| l.theta == 0.0) {
-            return Some(End::Event(located));
+            return Some(ArcEnd::Event(located));
         }
         match self.pass(place, observer) {
             Ok(true) => {}
             Ok(false) => return None,
-            Err(outcome) => return Some(End::Stop(outcome)),
+            Err(outcome) => return Some(ArcEnd::Stop(outcome)),
         }
         let flight = Flight {
             start: step.start(),
@@ -275,15 +288,15 @@ impl Core<'_> {
 
     /// Returns the end of an impact sequence whose last impacts have just been recorded. The end must come before that of the arc, `left`
     /// later, s.
-    pub fn rests(&mut self, flight: &Flight<'_>, left: f64) -> Option<End> {
+    pub fn rests(&mut self, flight: &Flight<'_>, left: f64) -> Option<ArcEnd> {
         let impacts = &self.iteration.record.fired;
         let (guards, accumulation) = self.chatter.ends(self.system, flight, impacts, &self.options)?;
-        (accumulation.remaining < left).then_some(End::Rest(guards, accumulation))
+        (accumulation.remaining < left).then_some(ArcEnd::Rest(guards, accumulation))
     }
 
     /// Closes the open instant, if any: no guard fires there again. Returns whether its record has just been closed and contains impacts,
     /// or the outcome if the run ends.
-    pub fn pass(&mut self, place: Place<'_>, observer: &mut dyn Observer) -> Result<bool, Outcome> {
+    pub fn pass(&mut self, place: ArcSpan<'_>, observer: &mut dyn Observer) -> Result<bool, Outcome> {
         if self.iteration.is_open() {
             let outcome = self.close(place.state, observer);
             let outcome = outcome.or((place.arrival == Arrival::Record).then_some(Outcome::ReachedEnd));
@@ -298,7 +311,7 @@ impl Core<'_> {
     }
 }
 
-impl Place<'_> {
+impl ArcSpan<'_> {
     /// Returns whether a state event on `step` waits for the switch at the end of the arc, `left` seconds after the start of the step. Such
     /// an event fires at the start of the next arc. Its guards must be zero within their error at the switch, so that a slow guard that
     /// crosses clearly does not wait.

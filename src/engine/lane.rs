@@ -5,8 +5,8 @@
 
 use super::{
     chatter::{Chatter, Flight},
-    state::{Options, Point},
-    visit::{Core, End},
+    state::{Options, WideState},
+    visit::{ArcEnd, Core},
 };
 use crate::{
     event::Accumulation,
@@ -50,9 +50,9 @@ pub(super) fn go_on<'s>(
     lane: &mut (dyn Lane + 's),
     core: &mut Core<'s>,
     integrator: &mut (dyn Integrator + 's),
-    point: &mut Point,
+    point: &mut WideState,
     bound: Instant,
-) -> Option<End> {
+) -> Option<ArcEnd> {
     let Core { system, options, counters, chatter, iteration, .. } = core;
     let is_open = iteration.is_open();
     let before = counters.events + u64::from(is_open);
@@ -68,7 +68,7 @@ pub(super) fn go_on<'s>(
         return None;
     }
     let impact = fired.iter().find(|id| system.restitution(*id).is_some()).filter(|_| is_open);
-    let Point { state, carried, .. } = &mut *point;
+    let WideState { state, carried, .. } = &mut *point;
     let from =
         LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, arcs: counters.arcs, impact };
     let budget = Budget { events: options.max_events - before, steps: options.max_steps - counters.steps };
@@ -84,8 +84,8 @@ pub(super) fn go_on<'s>(
     core.counters.switches += lap.switches;
     core.go_past(&point.state);
     match (lap.end, ended) {
-        (LapEnd::Bound, _) => Some(End::Bound),
-        (LapEnd::Sequence, Some((guards, accumulation))) => Some(End::Rest(guards, accumulation)),
+        (LapEnd::Bound, _) => Some(ArcEnd::Bound),
+        (LapEnd::Sequence, Some((guards, accumulation))) => Some(ArcEnd::Rest(guards, accumulation)),
         _ => None,
     }
 }

@@ -10,13 +10,13 @@ use smallvec::SmallVec;
 use super::{
     EngineError, Observer, Outcome,
     chatter::Flight,
-    state::Point,
-    visit::{Arrival, Core, End, Place},
+    state::WideState,
+    visit::{ArcEnd, ArcSpan, Arrival, Core},
 };
 use crate::{
     event::{Conditioning, Located},
-    hybrid::{FULL_PRECISION, GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Made, Passage, share_of},
-    integrate::{Arc, Before, Integrator, Taylor, advances, gathered, is_over},
+    hybrid::{FULL_PRECISION, GuardId, GuardSet, Instant, JetField, JetRequest, Leap, LeapCounts, Passage, share_of},
+    integrate::{Arc, EarlierSteps, Integrator, Taylor, advances, gathered, is_over},
     poly::{FirstRoot, first_root},
 };
 
@@ -49,15 +49,15 @@ impl Leaps {
         &mut self,
         core: &mut Core<'_>,
         (motion, here): (&dyn JetField, u64),
-        point: &mut Point,
+        point: &mut WideState,
         bound: Instant,
         arrival: Arrival,
         observer: &mut dyn Observer,
-    ) -> Result<Option<End>, EngineError> {
+    ) -> Result<Option<ArcEnd>, EngineError> {
         (self.last, self.here) = (None, here);
         let ended = self.go(core, motion, point, bound, arrival, observer)?;
         // The next piece is no leap of this arc.
-        if let Some(time) = self.last.filter(|_| matches!(ended, None | Some(End::Bound))) {
+        if let Some(time) = self.last.filter(|_| matches!(ended, None | Some(ArcEnd::Bound))) {
             core.alarm.gather(|id| self.gathered(motion, id, 0, (self.count, time)));
         }
         Ok(ended)
@@ -67,11 +67,11 @@ impl Leaps {
         &mut self,
         core: &mut Core<'_>,
         motion: &dyn JetField,
-        point: &mut Point,
+        point: &mut WideState,
         bound: Instant,
         arrival: Arrival,
         observer: &mut dyn Observer,
-    ) -> Result<Option<End>, EngineError> {
+    ) -> Result<Option<ArcEnd>, EngineError> {
         let clock = *core.system.clock();
         (self.count, self.left_out) = (0, [0.0; 2]);
         let (truncation, mut is_again) = (core.options.truncation(), false);
@@ -81,7 +81,7 @@ impl Leaps {
             return Ok(None);
         }
         loop {
-            let Point { state, low, carried } = &mut *point;
+            let WideState { state, low, carried } = &mut *point;
             let (pinned, still) = (&state.jump.pinned, &state.jump.still);
             let (at, span) = (state.at, clock.between(state.at, bound));
             let left_out = self.left_out;
@@ -89,7 +89,7 @@ impl Leaps {
             let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance, left_out };
             let shown = observer.wants_steps(&state.jump.mode);
             let by_series = self.count > 0 && self.leap.is_series;
-            let made = Made { leaps: self.count, arcs: core.counters.arcs, here: self.here, by_series };
+            let made = LeapCounts { leaps: self.count, arcs: core.counters.arcs, here: self.here, by_series };
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }
@@ -118,14 +118,14 @@ impl Leaps {
             let gathered = |id| self.last.map_or(0.0, |time| self.gathered(motion, id, 0, (self.count, time)));
             core.alarm.start_leap(core.system, at, &self.leap, self.count == 0, gathered)?;
             if self.count == 0 {
-                match core.pass(Place { state, bound, arrival }, observer) {
+                match core.pass(ArcSpan { state, bound, arrival }, observer) {
                     Ok(true) => {
                         if let Some(end) = self.rests(core, at, span) {
                             return Ok(Some(end));
                         }
                     }
                     Ok(false) => {}
-                    Err(outcome) => return Ok(Some(End::Stop(outcome))),
+                    Err(outcome) => return Ok(Some(ArcEnd::Stop(outcome))),
                 }
             }
             let mut breaks = false;
@@ -141,25 +141,25 @@ impl Leaps {
             let ended = match event {
                 Some((passage, gathered, located)) => {
                     core.alarm.event_leap(core.system, mode, &passage, gathered, (end, &self.leap.x))?;
-                    Some(End::Event(located))
+                    Some(ArcEnd::Event(located))
                 }
                 None => {
                     core.alarm.end_leap(mode, &self.leap);
                     let counts = !self.leap.is_series || self.leap.is_bound && arrival != Arrival::Switch;
                     self.last = Some(self.leap.time).filter(|_| counts);
-                    self.leap.is_bound.then_some(End::Bound)
+                    self.leap.is_bound.then_some(ArcEnd::Bound)
                 }
             };
             self.count += 1;
             self.left_out =
                 if self.leap.is_series { self.leap.jet.left_out } else { drifted(left_out, self.leap.time) };
-            let Point { state, carried, .. } = &mut *point;
+            let WideState { state, carried, .. } = &mut *point;
             state.at = end;
             std::mem::swap(&mut state.x, &mut self.leap.x);
             std::mem::swap(carried, &mut self.leap.carried);
             state.jump.pinned = GuardSet::default();
             if breaks {
-                return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
+                return Ok(Some(ArcEnd::Stop(Outcome::StoppedByObserver)));
             }
             if ended.is_some() {
                 return Ok(ended);
@@ -178,7 +178,7 @@ impl Leaps {
     }
 
     /// Returns the end of an impact sequence, if it comes within `span` seconds.
-    fn rests(&self, core: &mut Core<'_>, start: Instant, span: f64) -> Option<End> {
+    fn rests(&self, core: &mut Core<'_>, start: Instant, span: f64) -> Option<ArcEnd> {
         let starts = &self.leap.starts;
         let guards: SmallVec<[GuardId; 8]> = starts.iter().map(|known| known.guard).collect();
         let flight = Flight {
@@ -192,9 +192,9 @@ impl Leaps {
     }
 
     /// Returns the data of the leaps of the last arc, for the steps that continue it.
-    pub fn before(&self) -> Before<'_> {
+    pub fn before(&self) -> EarlierSteps<'_> {
         let (steps, left_out) = (self.count, self.left_out);
-        if steps == 0 { Before::default() } else { Before { steps, extent: &self.extent, left_out } }
+        if steps == 0 { EarlierSteps::default() } else { EarlierSteps { steps, extent: &self.extent, left_out } }
     }
 
     /// Passes the motion up to `end` to the observer as steps.
@@ -202,11 +202,11 @@ impl Leaps {
         &mut self,
         core: &mut Core<'_>,
         motion: &dyn JetField,
-        point: &mut Point,
+        point: &mut WideState,
         end: Instant,
         observer: &mut dyn Observer,
-    ) -> Result<Option<End>, EngineError> {
-        let Point { state, low, carried } = point;
+    ) -> Result<Option<ArcEnd>, EngineError> {
+        let WideState { state, low, carried } = point;
         let (jump, clock) = (&state.jump, *core.system.clock());
         // The clock of a contact stops at the end of the contact, and no step arrives there: steps run past the event, and are cut.
         let falls = self.leap.passage.map(|passage| passage.guard);
@@ -222,7 +222,7 @@ impl Leaps {
             still: &jump.still,
             bound,
             tolerance: FULL_PRECISION,
-            before: Before::default(),
+            before: EarlierSteps::default(),
         };
         let [x, rest] = &mut self.end;
         x.clone_from(&state.x);
@@ -250,7 +250,7 @@ impl Leaps {
         std::mem::swap(&mut state.x, &mut self.leap.x);
         carried.clear();
         (state.jump.pinned, state.jump.still) = Default::default();
-        Ok(Some(End::Stop(Outcome::StoppedByObserver)))
+        Ok(Some(ArcEnd::Stop(Outcome::StoppedByObserver)))
     }
 }
 

@@ -13,6 +13,6 @@ mod visit;
 
 pub use advance::Engine;
 pub(crate) use chatter::STALLED;
-pub use observer::{Jumped, Observer};
+pub use observer::{JumpRecord, Observer};
 pub use outcome::{EngineError, Outcome};
 pub use state::{Counters, Options, State};

@@ -8,7 +8,7 @@ use crate::{
 
 /// One jump at an instant, which may have several.
 #[derive(Clone, Copy, Debug)]
-pub struct Jumped<'a> {
+pub struct JumpRecord<'a> {
     /// Instant of the jump.
     pub at: Instant,
     /// Mode and exact zeros before it.
@@ -62,7 +62,7 @@ pub trait Observer {
     }
 
     /// Receives a jump. The record of the instant follows when it is closed.
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         let _ = jumped;
     }
 
@@ -104,7 +104,7 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
         self.0.wants_jumps() || self.1.wants_jumps()
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         self.0.jump(jumped);
         self.1.jump(jumped);
     }
@@ -144,7 +144,7 @@ impl<T: Observer> Observer for Option<T> {
         self.as_ref().is_some_and(Observer::wants_jumps)
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         self.iter_mut().for_each(|observer| observer.jump(jumped));
     }
 
@@ -178,7 +178,7 @@ impl<T: Observer + ?Sized> Observer for &mut T {
         (**self).wants_jumps()
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         (**self).jump(jumped);
     }
 

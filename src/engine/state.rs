@@ -22,7 +22,7 @@ pub struct State {
 
 /// State with the digits that its doubles do not hold.
 #[derive(Clone)]
-pub(super) struct Point {
+pub(super) struct WideState {
     pub state: State,
     /// Part of the state below the rounding of its `x`, `[dim]`.
     pub low: Vec<f64>,
@@ -30,7 +30,7 @@ pub(super) struct Point {
     pub carried: Vec<f64>,
 }
 
-impl Point {
+impl WideState {
     pub fn new(state: State) -> Self {
         Self { low: vec![0.0; state.x.len()], carried: Vec::new(), state }
     }

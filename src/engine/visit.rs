@@ -7,12 +7,12 @@ use super::{
     alarm::Alarm,
     chatter::Chatter,
     instant::EventIteration,
-    state::{Counters, Options, Point, State},
+    state::{Counters, Options, State, WideState},
 };
 use crate::{
     event::{Accumulation, EventRecord, Located, Locator, Touch},
     hybrid::{GuardId, GuardSet, HybridSystem, Instant, Wide},
-    integrate::{Before, DenseStep},
+    integrate::{DenseStep, EarlierSteps},
 };
 
 /// Common state of the engine during visits.
@@ -29,19 +29,19 @@ pub(super) struct Core<'s> {
     /// Next known switching time, kept until it is passed.
     pub next_switch: Option<Instant>,
     /// Point at which the current arc was left; its mode has no meaning.
-    pub left: Point,
+    pub left: WideState,
     /// Data of the arc before a step that has to be repeated.
-    pub again: Option<Again>,
+    pub again: Option<StepsToRepeat>,
     /// True if the current arc continues from such a step.
     pub is_again: bool,
     /// Sum of an impact sequence that the first step of the motion at rest has to confirm.
-    pub summed: Option<Summed>,
+    pub summed: Option<SequenceSum>,
 }
 
 /// Impact sequence that is summed, before anything of it is recorded.
-pub(super) struct Summed {
+pub(super) struct SequenceSum {
     /// Point after its last resolved impact.
-    pub before: Point,
+    pub before: WideState,
     /// Guards of the sequence.
     pub guards: GuardSet,
     /// Time from that point to the end of the sequence, s.
@@ -49,14 +49,14 @@ pub(super) struct Summed {
 }
 
 /// Steps of an arc before one of them is repeated: see [`Before`](crate::integrate::Before).
-pub(super) struct Again {
+pub(super) struct StepsToRepeat {
     pub steps: u32,
     pub extent: Vec<f64>,
     pub left_out: [f64; 2],
 }
 
 /// Cause of the end of an arc.
-pub(super) enum End {
+pub(super) enum ArcEnd {
     /// A step has to be repeated at full precision, from its start.
     Again,
     /// The bound of the arc.
@@ -84,7 +84,7 @@ pub(super) enum Arrival {
 
 /// Start and bound of the arc of a step.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
+pub(super) struct ArcSpan<'a> {
     /// State at the start of the arc.
     pub state: &'a State,
     pub bound: Instant,
@@ -106,7 +106,7 @@ impl<'s> Core<'s> {
             iteration: EventIteration::new(state),
             // A state handed over at a switching time that its mode has not passed passes the switch first.
             next_switch: system.next_switch(&state.jump.mode, state.at),
-            left: Point::new(state.clone()),
+            left: WideState::new(state.clone()),
             again: None,
             is_again: false,
             summed: None,
@@ -119,49 +119,49 @@ impl Core<'_> {
     pub fn visit(
         &mut self,
         step: &dyn DenseStep,
-        place: Place<'_>,
+        place: ArcSpan<'_>,
         first: bool,
         observer: &mut dyn Observer,
-    ) -> Result<Option<End>, EngineError> {
+    ) -> Result<Option<ArcEnd>, EngineError> {
         self.count_step(step.start())?;
         self.alarm.start(self.system, step, first)?;
         let left = self.system.clock().between(step.start(), place.bound);
         let closes = place.arrival != Arrival::Switch && left <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
         let (mut located, touch) = self.locator.first(step, first, closes);
-        if let Some(Summed { remaining, .. }) = self.summed {
+        if let Some(SequenceSum { remaining, .. }) = self.summed {
             let event = located.as_ref().map_or(1.0, |located| located.theta);
             let quiet = step.time(touch.as_ref().map_or(event, |touch| touch.theta.min(event)));
             if quiet < remaining {
                 self.leave(step, 0.0);
-                return Ok(Some(End::Resume(self.system.clock().advance(step.start(), quiet))));
+                return Ok(Some(ArcEnd::Resume(self.system.clock().advance(step.start(), quiet))));
             }
             if let Some(outcome) = self.confirm(place.state, observer) {
-                return self.end_at(step, place, 0.0, End::Stop(outcome));
+                return self.end_at(step, place, 0.0, ArcEnd::Stop(outcome));
             }
         }
         if first && let Some(end) = self.resolve(step, place, &mut located, left, observer) {
             return self.end_at(step, place, 0.0, end);
         }
         if located.as_ref().is_some_and(|located| self.is_loose(step, located)) {
-            let Before { steps, extent, left_out } = step.before();
-            self.again = Some(Again { steps, extent: extent.to_vec(), left_out });
+            let EarlierSteps { steps, extent, left_out } = step.before();
+            self.again = Some(StepsToRepeat { steps, extent: extent.to_vec(), left_out });
             self.leave(step, 0.0);
-            return Ok(Some(End::Again));
+            return Ok(Some(ArcEnd::Again));
         }
         if let Some(touch) = touch
             && self.graze(step, touch, place, observer).is_break()
         {
-            return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
+            return Ok(Some(ArcEnd::Stop(Outcome::StoppedByObserver)));
         }
         if let Some(located) = located.take_if(|l| place.waits(step, l, left)) {
             self.alarm.wait(step, &located);
         }
         let until = located.as_ref().map_or(1.0, |l| l.theta);
         if observer.step(&place.state.jump.mode, step, until).is_break() {
-            return self.end_at(step, place, until, End::Stop(Outcome::StoppedByObserver));
+            return self.end_at(step, place, until, ArcEnd::Stop(Outcome::StoppedByObserver));
         }
         if let Some(located) = located {
-            return self.end_at(step, place, until, End::Event(located));
+            return self.end_at(step, place, until, ArcEnd::Event(located));
         }
         self.alarm.end(&place.state.jump.mode, step, closes);
         step.carry(1.0, &mut self.left.carried);
@@ -196,12 +196,12 @@ impl Core<'_> {
     fn end_at(
         &mut self,
         step: &dyn DenseStep,
-        place: Place<'_>,
+        place: ArcSpan<'_>,
         theta: f64,
-        end: End,
-    ) -> Result<Option<End>, EngineError> {
+        end: ArcEnd,
+    ) -> Result<Option<ArcEnd>, EngineError> {
         self.leave(step, theta);
-        if let End::Event(located) = &end {
+        if let ArcEnd::Event(located) = &end {
             let (mode, State { at, x, .. }) = (&place.state.jump.mode, &mut self.left.state);
             self.alarm.event(self.system, mode, step, located, (*at, x))?;
             // The root is a rounded number: time and state are moved onto a guard that fell through zero there.
@@ -216,7 +216,7 @@ impl Core<'_> {
     }
 
     fn leave(&mut self, step: &dyn DenseStep, theta: f64) {
-        let Point { state, low, carried } = &mut self.left;
+        let WideState { state, low, carried } = &mut self.left;
         state.at = self.system.clock().advance(step.start(), step.time_in_two(theta));
         step.state_in_two(theta, &mut state.x, low);
         step.carry(theta, carried);
@@ -227,7 +227,7 @@ impl Core<'_> {
         &mut self,
         step: &dyn DenseStep,
         touch: Touch,
-        place: Place<'_>,
+        place: ArcSpan<'_>,
         observer: &mut dyn Observer,
     ) -> ControlFlow<()> {
         self.leave(step, touch.theta);

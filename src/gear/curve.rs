@@ -27,7 +27,7 @@ pub struct Curve {
 
 /// Functions through points that are not equally far apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Through {
+pub enum CurveShape {
     /// Straight lines.
     Lines,
     /// The periodic cubic spline, which has two continuous derivatives.
@@ -36,7 +36,7 @@ pub enum Through {
 
 /// A series of harmonics for a curve.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Series {
+pub struct HarmonicSeries {
     /// Mean c₀.
     pub mean: f64,
     /// Harmonics as cosines; orders count in periods of the curve.
@@ -93,7 +93,7 @@ impl Curve {
 
     /// Series of the first `most` harmonics; without `most`, as many as the points determine.
     #[must_use]
-    pub fn series(&self, most: Option<usize>, through: Through) -> Series {
+    pub fn series(&self, most: Option<usize>, through: CurveShape) -> HarmonicSeries {
         let (n, largest) = (self.count(), self.count() / 2);
         let most = most.unwrap_or(USUAL).min(largest.max(1));
         let coefficients = if self.is_even() { self.transform(most) } else { self.integrals(most, through) };
@@ -114,7 +114,7 @@ impl Curve {
         let at = |x: f64| harmonics.iter().fold(mean, |y, h| y + h.amplitude * libm::cos(TAU * h.order * x + h.phase));
         let gaps = self.places.iter().zip(&self.values).map(|(x, y)| (at(*x) - y).abs());
         let [most, squares] = gaps.fold([0.0_f64, 0.0], |[most, sum], gap| [most.max(gap), sum + gap * gap]);
-        Series { mean, harmonics, residual: [most, (squares / n as f64).sqrt()] }
+        HarmonicSeries { mean, harmonics, residual: [most, (squares / n as f64).sqrt()] }
     }
 
     fn next(&self, i: usize) -> usize {
@@ -144,12 +144,12 @@ impl Curve {
     }
 
     /// Coefficients up to order `most` of a function through points anywhere.
-    fn integrals(&self, most: usize, through: Through) -> Vec<Complex<f64>> {
+    fn integrals(&self, most: usize, through: CurveShape) -> Vec<Complex<f64>> {
         let n = self.count();
         let rise = |of: &[f64], i: usize| (of[self.next(i)] - of[i]) / self.width(i);
         let (jumps_of, power, mean) = match through {
-            Through::Lines => (self.values.clone(), 2, self.mean()),
-            Through::Spline => {
+            CurveShape::Lines => (self.values.clone(), 2, self.mean()),
+            CurveShape::Spline => {
                 let curvature = self.curvature();
                 let bow = |i: usize| self.width(i).powi(3) * (curvature[i] + curvature[self.next(i)]) / 24.0;
                 let mean = self.mean() - (0..n).map(bow).sum::<f64>();

@@ -8,7 +8,7 @@ pub mod phase;
 mod schedule;
 mod stiffness;
 
-pub use curve::{Curve, Series, Through};
+pub use curve::{Curve, CurveShape, HarmonicSeries};
 pub use geometry::{BasicRack, Gear, GeometryError, Material, MeshGeometry, MeshKind, PathOfContact};
 pub use harmonic::{Harmonic, MeshHarmonic};
 pub use schedule::{MeshStiffness, Waveform};

@@ -40,7 +40,7 @@ pub struct JetRequest<'a> {
 
 /// Counts of a run at the request of a leap from a [`JetField`].
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Made {
+pub struct LeapCounts {
     /// Number of leaps of the arc.
     pub leaps: u32,
     /// Number of arcs of the run: tables that take long to form are worth their time after some hundred.
@@ -62,7 +62,7 @@ pub trait JetField {
     /// Returns `false` if it cannot, or if several guards may fall: the series decide then.
     ///
     /// `made` counts the work of the run. With `shown` an observer looks at steps, and a leap by series gains nothing.
-    fn leap(&self, request: &JetRequest<'_>, made: Made, shown: bool, leap: &mut Leap) -> bool {
+    fn leap(&self, request: &JetRequest<'_>, made: LeapCounts, shown: bool, leap: &mut Leap) -> bool {
         false
     }
 
@@ -82,7 +82,7 @@ pub trait JetField {
     }
 
     /// Writes a quantity on `step` as a series in θ into `series`, empty for zero. Returns `false` if the field does not know it.
-    fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
+    fn show(&self, step: &Jet, what: StepQuantity, series: &mut Vec<f64>) -> bool {
         false
     }
 
@@ -94,7 +94,7 @@ pub trait JetField {
 
 /// Value and error of a guard, in its units, with the size of the terms that are summed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Known {
+pub struct GuardValue {
     /// Guard.
     pub guard: GuardId,
     /// Value of the guard.
@@ -137,9 +137,9 @@ pub struct Leap {
     /// Values kept as by [`JetField::carry`].
     pub carried: Vec<f64>,
     /// Guards at the start.
-    pub starts: Vec<Known>,
+    pub starts: Vec<GuardValue>,
     /// Guards at the end, if none falls there.
-    pub ends: Vec<Known>,
+    pub ends: Vec<GuardValue>,
     /// The guard that falls at the end, if any. No other guard comes near zero during the leap.
     pub passage: Option<Passage>,
     /// Guards that equal the falling guard during the whole leap, and fall with it.
@@ -157,7 +157,7 @@ pub struct Leap {
 /// A quantity that measures read from a step as a polynomial. Contacts are given by number; units and signs are those of
 /// [`ContactView`](super::ContactView) and [`Powers`](super::Powers).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shown {
+pub enum StepQuantity {
     /// Elapsed time since the step's start, s.
     Time,
     /// A component of the state: a coordinate, m, or a velocity, m/s.

@@ -15,8 +15,8 @@ mod system;
 pub use contact::{ContactMode, ContactView, Watch};
 pub(crate) use flow::{ARRIVED, normalise};
 pub use flow::{
-    FULL_PRECISION, Jet, JetField, JetRequest, Known, Leap, Made, Passage, Power, SAMPLES, Samples, Shown, VectorField,
-    share_of,
+    FULL_PRECISION, GuardValue, Jet, JetField, JetRequest, Leap, LeapCounts, Passage, Power, SAMPLES, Samples,
+    StepQuantity, VectorField, share_of,
 };
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};

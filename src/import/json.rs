@@ -101,13 +101,13 @@ impl<'de> Deserialize<'de> for Id {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(untagged)]
-        enum Either {
+        enum TextOrNumber {
             Number(u64),
             Text(String),
         }
-        Ok(Self(match Either::deserialize(deserializer)? {
-            Either::Number(number) => number.to_string(),
-            Either::Text(text) => text,
+        Ok(Self(match TextOrNumber::deserialize(deserializer)? {
+            TextOrNumber::Number(number) => number.to_string(),
+            TextOrNumber::Text(text) => text,
         }))
     }
 }
@@ -196,7 +196,7 @@ struct Attribute {
 }
 
 #[derive(Deserialize)]
-struct Coded {
+struct CodeAttribute {
     code: String,
     value: String,
 }
@@ -241,7 +241,7 @@ impl<'de> Visitor<'de> for Written {
                     attribute.value = Some(Value::Words(map.next_value::<First<String>>()?.0))
                 }
                 "floating_point_array_coded" | "integer_array_coded" => {
-                    let Coded { code, value } = map.next_value()?;
+                    let CodeAttribute { code, value } = map.next_value()?;
                     let numbers = decoded(&code, &value)
                         .map_err(|words| A::Error::custom(format!("attribute {}: {words}", attribute.id)))?;
                     attribute.value = Some(Value::Numbers(numbers));

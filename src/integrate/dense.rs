@@ -130,7 +130,7 @@ fn blur(system: &dyn HybridSystem, mode: &Mode, id: GuardId, at: Instant, x: &[f
 
 /// Position of a step in its arc, with tolerance and uncertainty.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
+pub(super) struct StepPosition<'a> {
     pub system: &'a dyn HybridSystem,
     pub arc: &'a Arc<'a>,
     /// Relative tolerance of the integration.
@@ -157,7 +157,7 @@ impl Pieces {
     }
 
     /// Prepares for an arc.
-    pub fn begin(&mut self, place: &Place<'_>) {
+    pub fn begin(&mut self, place: &StepPosition<'_>) {
         self.dim = place.system.dim();
         place.system.guards(place.arc.mode, &mut self.guards);
         self.series.clear();
@@ -169,7 +169,7 @@ impl Pieces {
     }
 
     /// Passes the step to the visitor, whole if every guard is resolved on it, otherwise in pieces. Returns `false` if the visitor stops.
-    pub fn visit(&mut self, place: &Place<'_>, mut visitor: impl FnMut(&dyn DenseStep) -> bool) -> bool {
+    pub fn visit(&mut self, place: &StepPosition<'_>, mut visitor: impl FnMut(&dyn DenseStep) -> bool) -> bool {
         let smallest = 0.5f64.powi(HALVINGS);
         let (mut low, mut width) = (0.0, 1.0);
         while low < 1.0 {
@@ -186,7 +186,7 @@ impl Pieces {
     }
 
     /// Selects the piece `[low, low + width]` of the step; returns `false` if a guard is not resolved on it.
-    fn cut(&mut self, place: &Place<'_>, low: f64, width: f64) -> bool {
+    fn cut(&mut self, place: &StepPosition<'_>, low: f64, width: f64) -> bool {
         let clock = place.system.clock();
         let at = |theta: f64| match place.to {
             Some(to) => clock.advance(place.arc.at, place.from + theta * (to - place.from)),
@@ -235,7 +235,7 @@ impl Pieces {
     }
 
     /// Interpolates guard `i` on the piece; returns `false` if it is not resolved.
-    fn interpolate(&mut self, place: &Place<'_>, i: usize, first: bool, dense: &mut bool) -> bool {
+    fn interpolate(&mut self, place: &StepPosition<'_>, i: usize, first: bool, dense: &mut bool) -> bool {
         let id = self.guards[i];
         let pinned = first && place.arc.pinned.contains(id);
         let (rounding, sensitivity) = self.rounding(place, i);
@@ -296,7 +296,7 @@ impl Pieces {
         resolved && cancelled <= 4.0 * tolerance
     }
 
-    fn value(&self, place: &Place<'_>, i: usize, theta: f64, sample: usize) -> f64 {
+    fn value(&self, place: &StepPosition<'_>, i: usize, theta: f64, sample: usize) -> f64 {
         let at = place.system.clock().advance(self.start, theta * self.span);
         let x = &self.samples[sample * self.dim..(sample + 1) * self.dim];
         place.system.guard(place.arc.mode, self.guards[i], at, x)
@@ -325,7 +325,7 @@ impl Pieces {
 
     /// Returns the rounding error of the value of a guard, and its sensitivity to relative errors of the state. The components of the state
     /// are changed by one part in 10⁶, with two patterns of signs.
-    fn rounding(&mut self, place: &Place<'_>, i: usize) -> (f64, f64) {
+    fn rounding(&mut self, place: &StepPosition<'_>, i: usize) -> (f64, f64) {
         const PART: f64 = 1e-6;
         let at = self.start;
         let id = self.guards[i];

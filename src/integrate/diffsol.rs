@@ -12,7 +12,7 @@ use diffsol::{
 
 use super::{
     Arc, DenseStep, IntegrateError, Integrator,
-    dense::{self, Pieces, Place},
+    dense::{self, Pieces, StepPosition},
 };
 use crate::hybrid::{HybridSystem, VectorField};
 
@@ -249,8 +249,8 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn place(&self) -> Place<'a> {
-        Place {
+    fn place(&self) -> StepPosition<'a> {
+        StepPosition {
             system: self.system,
             arc: self.arc,
             rtol: self.rtol,
@@ -318,7 +318,7 @@ impl<'a> Run<'a> {
             samples.extend_from_slice(y);
             end.copy_from_slice(y);
             dense::to_powers(samples, arc.x.len());
-            let place = Place { to: (!arrived).then_some(to * unit), ..self.place() };
+            let place = StepPosition { to: (!arrived).then_some(to * unit), ..self.place() };
             if !self.pieces.visit(&place, |step| visit(step).is_continue()) || arrived {
                 return Ok(false);
             }

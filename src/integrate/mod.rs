@@ -12,7 +12,7 @@ mod taylor;
 
 use std::ops::ControlFlow;
 
-use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Power, Samples, Shown, Wide};
+use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Power, Samples, StepQuantity, Wide};
 
 #[cfg(feature = "diffsol")]
 pub use self::diffsol::{Diffsol, Method};
@@ -55,8 +55,8 @@ pub trait DenseStep {
         0.0
     }
     /// Returns the data of the arc before the step.
-    fn before(&self) -> Before<'_> {
-        Before::default()
+    fn before(&self) -> EarlierSteps<'_> {
+        EarlierSteps::default()
     }
     /// Returns the rounding of guard `i` if its value is formed from the state alone.
     fn guard_rounding(&self, i: usize) -> f64 {
@@ -74,7 +74,7 @@ pub trait DenseStep {
     }
     /// Writes a quantity as a polynomial in θ, coefficients in rising powers, into `row`, empty for zero. Returns `false` if the step does
     /// not know it; then it has to be interpolated.
-    fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
+    fn show(&self, what: StepQuantity, row: &mut Vec<f64>) -> bool {
         false
     }
     /// Writes a power at the places `thetas`; returns `false` if the step does not know it, and it has to be formed from the state.
@@ -130,12 +130,12 @@ pub struct Arc<'a> {
     /// request.
     pub tolerance: f64,
     /// Data of the part of the same arc before this one.
-    pub before: Before<'a>,
+    pub before: EarlierSteps<'a>,
 }
 
 /// Steps of an arc before the current part.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Before<'a> {
+pub struct EarlierSteps<'a> {
     /// Number of steps.
     pub steps: u32,
     /// Largest size of each component at the starts of these steps; empty without any.

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, ops::ControlFlow};
 
 use super::{
     Arc, DenseStep, IntegrateError, Integrator, Taylor,
-    dense::{Pieces, Place},
+    dense::{Pieces, StepPosition},
     radau::{From, HIDDEN, RESOLVED, Radau},
 };
 use crate::{
@@ -46,7 +46,7 @@ pub struct Relay {
 
 /// An accepted Radau step.
 #[derive(Clone, Copy)]
-struct Taken {
+struct RadauStep {
     at: Instant,
     h: f64,
     /// Ratio of its last coefficient to the permitted one.
@@ -56,17 +56,24 @@ struct Taken {
 }
 
 /// Place of a trial step.
-struct Trial<'a> {
+struct TrialStep<'a> {
     system: &'a dyn HybridSystem,
     arc: &'a Arc<'a>,
     at: Instant,
     shortest: f64,
 }
 
-impl Trial<'_> {
+impl TrialStep<'_> {
     /// Returns the longest accepted step from `x` up to `h`, with the state at its end in `end`. `sizes` becomes the smaller of the sizes
     /// at both ends.
-    fn longest(&self, radau: &mut Radau, mut h: f64, x: &[f64], sizes: &mut [f64], end: &mut [f64]) -> Option<Taken> {
+    fn longest(
+        &self,
+        radau: &mut Radau,
+        mut h: f64,
+        x: &[f64],
+        sizes: &mut [f64],
+        end: &mut [f64],
+    ) -> Option<RadauStep> {
         let left = self.system.clock().between(self.at, self.arc.bound);
         loop {
             h = h.min(left);
@@ -75,7 +82,7 @@ impl Trial<'_> {
             }
             let (share, rate) = self.attempt(radau, h, x, sizes, end).unwrap_or((f64::INFINITY, 0.0));
             if share <= 1.0 {
-                return Some(Taken { at: self.at, h, share, rate });
+                return Some(RadauStep { at: self.at, h, share, rate });
             }
             h *= next(share);
         }
@@ -153,7 +160,7 @@ impl Integrator for Relay {
                 if steps >= due {
                     due *= 2;
                     let shortest = worth * elapsed / steps as f64;
-                    let trial = Trial { system, arc, at: clock.advance(step.start(), step.time(1.0)), shortest };
+                    let trial = TrialStep { system, arc, at: clock.advance(step.start(), step.time(1.0)), shortest };
                     step.state(1.0, x);
                     if shortest < clock.between(trial.at, arc.bound) {
                         taken = trial.longest(radau, 4.0 * shortest, x, sizes, ends);
@@ -174,7 +181,7 @@ impl Integrator for Relay {
                 unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(hidden * s));
                 let leg = Arc { at: step.at, x, low: own, pinned: GuardSet::none(), still: GuardSet::none(), ..*arc };
                 let to = (step.h < left).then_some(step.h);
-                let place = Place { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure };
+                let place = StepPosition { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure };
                 pieces.begin(&place);
                 radau.write(x, |k, l| CHEBYSHEV.powers[k][l], &mut pieces.step);
                 if !pieces.visit(&place, |step| visit(step).is_continue()) {
@@ -186,7 +193,7 @@ impl Integrator for Relay {
                     return Ok(());
                 }
                 at = clock.advance(step.at, step.h);
-                let trial = Trial { system, arc, at, shortest };
+                let trial = TrialStep { system, arc, at, shortest };
                 let Some(longest) = trial.longest(radau, step.h * next(step.share), x, sizes, ends) else { break };
                 // Adiabatic: a free oscillation that is not followed has an amplitude as 1/√rate.
                 unsure.iter_mut().for_each(|u| *u *= (step.rate / longest.rate).sqrt().max(1.0));

@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::{Arc, Before, DenseStep, IntegrateError, Integrator, in_plain_time};
+use super::{Arc, DenseStep, EarlierSteps, IntegrateError, Integrator, in_plain_time};
 use crate::hybrid::{
     ARRIVED, Clock, FULL_PRECISION, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power,
-    Samples, Shown, Wide, share_of,
+    Samples, StepQuantity, Wide, share_of,
 };
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
@@ -161,8 +161,8 @@ impl DenseStep for Step<'_> {
     fn left_out(&self, i: usize) -> f64 {
         if self.jet.left_out == [0.0; 2] { 0.0 } else { self.jet.remainder[i] }
     }
-    fn before(&self) -> Before<'_> {
-        Before { steps: self.count - 1, extent: self.extent, left_out: self.before }
+    fn before(&self) -> EarlierSteps<'_> {
+        EarlierSteps { steps: self.count - 1, extent: self.extent, left_out: self.before }
     }
     fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
         self.jet.guard_in_time(i, theta).map(|(rate, error)| (rate, error + self.blur(i)))
@@ -188,7 +188,7 @@ impl DenseStep for Step<'_> {
     fn is_estimate(&self) -> bool {
         self.jet.is_estimate
     }
-    fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
+    fn show(&self, what: StepQuantity, row: &mut Vec<f64>) -> bool {
         self.field.show(self.jet, what, row)
     }
     fn sample(&self, what: Power, thetas: &Samples, values: &mut Samples) -> bool {

@@ -10,10 +10,10 @@ use super::{
     Expansion, LANES, Motion, ORDER, ROW,
     bound::Tail,
     guards::{Powers, ROUNDING, powers},
-    motion::Watched,
+    motion::ModeGuard,
 };
 use crate::{
-    hybrid::{ARRIVED, Jet, JetRequest, Known, Leap, Passage},
+    hybrid::{ARRIVED, GuardValue, Jet, JetRequest, Leap, Passage},
     poly::{self, Deflated, FirstRoot},
     system::Watch,
     vectors::Path,
@@ -32,7 +32,7 @@ const TANGENTIAL: f64 = 1e-3;
 type Fours = SmallVec<[[f64; LANES]; 4]>;
 
 /// Guard that may reach zero by the sizes of its terms.
-struct Doubtful {
+struct UndecidedGuard {
     /// Number of the guard in the mode.
     number: usize,
     tail: f64,
@@ -41,7 +41,7 @@ struct Doubtful {
     afresh: f64,
 }
 
-impl Doubtful {
+impl UndecidedGuard {
     #[inline(always)]
     fn series<'a>(&self, jet: &'a Jet) -> Deflated<'a> {
         Deflated::new(&jet.guard_series[self.number * ROW..(self.number + 1) * ROW], self.tail, self.rounding)
@@ -106,7 +106,7 @@ impl Expansion<'_> {
     }
 
     /// Returns the first three time derivatives of a guard of position at the start.
-    fn derivatives(&self, watched: &Watched, powers: &Powers, jet: &Jet) -> [f64; 3] {
+    fn derivatives(&self, watched: &ModeGuard, powers: &Powers, jet: &Jet) -> [f64; 3] {
         let h = jet.span * jet.reach;
         let term = |k: usize| watched.along() * jet.work[self.layout.deflection(watched.contact, k)] * powers[k];
         [term(1) / h, 2.0 * term(2) / (h * h), 6.0 * term(3) / (h * h * h)]
@@ -114,7 +114,7 @@ impl Expansion<'_> {
 
     /// Writes the guards at the start of the step into `leap`. Returns those that are not clear of zero on it, with their rows.
     #[inline(always)]
-    fn doubtful(&self, powers: &Powers, added: &[f64], tail: &Tail, leap: &mut Leap) -> SmallVec<[Doubtful; 8]> {
+    fn doubtful(&self, powers: &Powers, added: &[f64], tail: &Tail, leap: &mut Leap) -> SmallVec<[UndecidedGuard; 8]> {
         let (Leap { starts, jet, .. }, s) = (leap, self.s);
         starts.clear();
         starts.reserve(self.motion.guards.len());
@@ -122,7 +122,7 @@ impl Expansion<'_> {
         let mut doubtful = SmallVec::new();
         let (mut last, mut rest, mut stretch_size) = (usize::MAX, 0.0, 0.0);
         for (number, watched) in self.motion.guards.iter().enumerate() {
-            let Watched { id, contact: j, watch, .. } = *watched;
+            let ModeGuard { id, contact: j, watch, .. } = *watched;
             let (c, size) = (&s.contacts[j], jet.work[self.layout.sizes + j]);
             if j != last {
                 (last, rest) = (j, self.deflection_tail(j, tail));
@@ -147,12 +147,12 @@ impl Expansion<'_> {
                 (rest, start, terms, [rounding, ROUNDING * (size + added)], is_clear)
             };
             if !is_clear {
-                doubtful.push(Doubtful { number, tail, rounding, afresh });
+                doubtful.push(UndecidedGuard { number, tail, rounding, afresh });
             }
             // Impact sequences need them.
             let derivatives =
                 if c.spec.law.is_rigid() { self.derivatives(watched, powers, jet) } else { [f64::NAN; 3] };
-            starts.push(Known { guard: id, value: start, error: afresh, terms, derivatives });
+            starts.push(GuardValue { guard: id, value: start, error: afresh, terms, derivatives });
         }
         doubtful
     }
@@ -160,11 +160,11 @@ impl Expansion<'_> {
     /// Forms the guards at the end of the step, from the changes `gained` of the deflections.
     fn ends(
         &self,
-        doubtful: &[Doubtful],
+        doubtful: &[UndecidedGuard],
         gained: &[f64],
         tail: &Tail,
-        (jet, starts): (&Jet, &[Known]),
-        ends: &mut Vec<Known>,
+        (jet, starts): (&Jet, &[GuardValue]),
+        ends: &mut Vec<GuardValue>,
     ) {
         let mut doubtful = doubtful.iter().peekable();
         for (number, (watched, start)) in self.motion.guards.iter().zip(starts).enumerate() {
@@ -173,7 +173,7 @@ impl Expansion<'_> {
                 Some(guard) => (jet.guard_series[number * ROW..(number + 1) * ROW].iter().sum(), guard.tail),
                 None => (start.value + watched.along() * gained[j], self.deflection_tail(j, tail)),
             };
-            ends.push(Known { value, error, ..*start });
+            ends.push(GuardValue { value, error, ..*start });
         }
     }
 

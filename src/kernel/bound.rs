@@ -11,7 +11,9 @@
 //! F is the forcing by harmonics, k the part of the stiffnesses that varies, p the penetrations. This is a proof: `docs/THEORY.md`
 //! has the derivation.
 
-use super::{Elasticity, Expansion, Force, LANES, ORDER, ROW, defect::Defect, motion::Part, sizes::largest_of};
+use super::{
+    Elasticity, Expansion, Force, LANES, ORDER, ROW, defect::Defect, motion::ContactInMode, sizes::largest_of,
+};
 use crate::{
     hybrid::{FULL_PRECISION, Jet},
     system::{Contact, Oscillator, Sticking, Structure},
@@ -162,7 +164,7 @@ pub(super) struct Growth {
 
 impl Growth {
     /// Forms the norms of the structure, the linear contacts that carry force and the projection by the contacts at rest.
-    pub fn new(s: &Structure, forcing: &Forcing, parts: &[Part], held: Option<&Sticking>) -> Self {
+    pub fn new(s: &Structure, forcing: &Forcing, parts: &[ContactInMode], held: Option<&Sticking>) -> Self {
         let [mut by_q, mut by_v] = forcing.rows.clone();
         let (mut total, mut swing) = (forcing.load, 0.0);
         for (j, (part, c)) in parts.iter().zip(&s.contacts).enumerate() {

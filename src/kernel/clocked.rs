@@ -8,12 +8,12 @@ use super::{
     Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS,
     clock::StepClock,
     compiled::{BlockRows, Four, MOST_BLOCKS, View},
-    fours::{Does, FourSeries, convolved},
+    fours::{ContactAction, FourSeries, convolved},
     product, waves,
 };
 use crate::{
     hybrid::Jet,
-    system::{Acting, Spring, Watch},
+    system::{ActiveContact, Spring, Watch},
     vectors::Path,
 };
 
@@ -153,10 +153,13 @@ impl Expansion<'_> {
                 }
             };
             write(RATE, &four.rate);
-            if !matches!(four.does[l], Does::Nothing | Does::Else) {
+            if !matches!(four.does[l], ContactAction::Nothing | ContactAction::Else) {
                 write(FORCE, &four.force);
             }
-            if matches!(four.does[l], Does::Watched | Does::Pressed | Does::AsOwner(_) | Does::Alone(_)) {
+            if matches!(
+                four.does[l],
+                ContactAction::Watched | ContactAction::Pressed | ContactAction::AsOwner(_) | ContactAction::Alone(_)
+            ) {
                 write(PENETRATION, &four.penetration);
                 write(FACTOR, &four.factor);
                 if let Some(row) = work[self.layout.of(j, POWER)..].first_chunk_mut::<ROW>() {
@@ -226,17 +229,17 @@ impl Expansion<'_> {
             (four.spring[l], four.damping[l], four.carried[l]) = (0.0, 0.0, 0.0);
             let Some(power @ Force::Power { law, stiffness, .. }) = part.force() else {
                 four.does[l] = match part.acting {
-                    None => Does::Nothing,
-                    Some(Acting {
+                    None => ContactAction::Nothing,
+                    Some(ActiveContact {
                         force: Force::Linear { stiffness: Elasticity::Constant(k), damping },
                         is_carried,
                         ..
                     }) => {
                         (four.spring[l], four.damping[l]) = (k, damping);
                         four.carried[l] = f64::from(u8::from(is_carried));
-                        Does::Spring
+                        ContactAction::Spring
                     }
-                    Some(_) => Does::Else,
+                    Some(_) => ContactAction::Else,
                 };
                 continue;
             };
@@ -244,29 +247,29 @@ impl Expansion<'_> {
             (four.side[l], four.exponent[l], four.chi[l]) = (part.side, n, power.chi(self.request.x));
             work[layout.of(j, PENETRATION)] = four.penetration[0][l];
             if !part.is_pressed() || !presses {
-                four.does[l] = Does::Watched;
+                four.does[l] = ContactAction::Watched;
                 continue;
             }
             four.stiffness[l] = part.side * stiffness;
             let rate = part.side * four.rate[0][l];
             four.does[l] = if self.motion.goes_with(clock.owner.filter(|_| !clock.is_plain()), j, self.request.x, work)
             {
-                Does::AsOwner(law)
+                ContactAction::AsOwner(law)
             } else if clock.owner != Some(j) && four.penetration[0][l] > 0.0 && !self.leaves_unfelt(j, law, rate, work)
             {
                 four.start[l] = four.penetration[0][l];
                 four.elastic[l] = law.exponent.power(four.start[l]);
-                Does::Pressed
+                ContactAction::Pressed
             } else {
-                Does::Alone(law)
+                ContactAction::Alone(law)
             };
         }
-        let any = |is: fn(&Does) -> bool| four.does.iter().any(is);
+        let any = |is: fn(&ContactAction) -> bool| four.does.iter().any(is);
         [four.has_power, four.has_lone, four.has_spring, four.has_other] = [
-            any(|does| does.presses() || matches!(does, Does::Watched)),
-            any(|does| matches!(does, Does::Alone(_) | Does::AsOwner(_))),
-            any(|does| matches!(does, Does::Spring)),
-            any(|does| matches!(does, Does::Else)),
+            any(|does| does.presses() || matches!(does, ContactAction::Watched)),
+            any(|does| matches!(does, ContactAction::Alone(_) | ContactAction::AsOwner(_))),
+            any(|does| matches!(does, ContactAction::Spring)),
+            any(|does| matches!(does, ContactAction::Else)),
         ];
     }
 
@@ -324,9 +327,9 @@ impl Expansion<'_> {
     /// Forms the forces at order `k` of contacts whose stiffness is a series; those at rest follow from the accelerations.
     #[inline(never)]
     fn other_forces(&self, chunk: usize, four: &FourSeries, k: usize, carried: &mut [f64; LANES], work: &mut [f64]) {
-        for (l, _) in four.does.iter().enumerate().filter(|(_, does)| matches!(does, Does::Else)) {
+        for (l, _) in four.does.iter().enumerate().filter(|(_, does)| matches!(does, ContactAction::Else)) {
             let j = LANES * chunk + l;
-            let Some(Acting { force: Force::Linear { stiffness, damping }, is_carried, .. }) =
+            let Some(ActiveContact { force: Force::Linear { stiffness, damping }, is_carried, .. }) =
                 self.motion.parts[j].acting
             else {
                 continue;

@@ -3,7 +3,7 @@
 
 use std::{borrow::Cow, cell::RefCell, rc::Rc};
 
-use super::{LANES, motion::Part};
+use super::{LANES, motion::ContactInMode};
 use crate::{
     system::{Block, Elasticity, FourColumns, Structure, VectorColumns},
     vectors::Path,
@@ -249,7 +249,7 @@ thread_local! {
 
 impl Compiled {
     /// Returns the compiled form of a mode.
-    pub fn of(s: &Structure, parts: &[Part], is_linear: bool) -> Rc<Self> {
+    pub fn of(s: &Structure, parts: &[ContactInMode], is_linear: bool) -> Rc<Self> {
         if is_linear {
             return Rc::new(Self::new(s, parts, true));
         }
@@ -263,9 +263,9 @@ impl Compiled {
         })
     }
 
-    fn new(s: &Structure, parts: &[Part], is_linear: bool) -> Self {
+    fn new(s: &Structure, parts: &[ContactInMode], is_linear: bool) -> Self {
         let fours = &s.columns.fours;
-        let law = |j: usize| match parts.get(j).and_then(Part::carried_linear) {
+        let law = |j: usize| match parts.get(j).and_then(ContactInMode::carried_linear) {
             Some((Elasticity::Constant(k), damping)) => Some([k, damping]),
             _ => None,
         };

@@ -12,7 +12,7 @@ use super::{
     Elasticity, Expansion, Force, LANES, Layout, ORDER, PENETRATION, POWER, ROW, STIFFNESS,
     clock::StepClock,
     clocked::Room,
-    fours::{Does, FourSeries, Sums},
+    fours::{ContactAction, FourSeries, FourSums},
     guards::ROUNDING,
     sizes::{Factor, Sizes, beyond, largest_of, paired, sizes, tails, total},
 };
@@ -158,7 +158,11 @@ impl Expansion<'_> {
         let mut least = f64::INFINITY;
         for (chunk, four) in fours.iter().enumerate() {
             let contacts = LANES * chunk..s.contacts.len().min(LANES * chunk + LANES);
-            let sums = if four.does.iter().any(Does::presses) { four.sums(path, &powers) } else { Sums::default() };
+            let sums = if four.does.iter().any(ContactAction::presses) {
+                four.sums(path, &powers)
+            } else {
+                FourSums::default()
+            };
             for (l, j) in contacts.enumerate() {
                 let (c, part) = (&s.contacts[j], &self.motion.parts[j]);
                 let push = c.push_norm;
@@ -166,19 +170,19 @@ impl Expansion<'_> {
                     d.root = per * four.rate[ORDER][l].abs() * powers[ORDER];
                 }
                 match four.does[l] {
-                    Does::Nothing | Does::Watched => continue,
-                    Does::Spring | Does::Else => {
+                    ContactAction::Nothing | ContactAction::Watched => continue,
+                    ContactAction::Spring | ContactAction::Else => {
                         self.linear_defect(j, &powers, work, &mut forces);
                         continue;
                     }
-                    Does::Pressed | Does::AsOwner(_) | Does::Alone(_) => {}
+                    ContactAction::Pressed | ContactAction::AsOwner(_) | ContactAction::Alone(_) => {}
                 }
                 let Some(power @ Force::Power { law, stiffness, .. }) = part.force() else { continue };
                 let (k, e, chi) = (push * stiffness, law.exponent.value(), power.chi(self.request.x));
                 let [p, f] = [sums.penetration[l], sums.factor[l]];
                 let pressed = law.exponent.power(p);
                 let missing = match four.does[l] {
-                    Does::Pressed => {
+                    ContactAction::Pressed => {
                         let (least, slope) = (2.0 * sums.start[l] - p, if p > 0.0 { e * pressed / p } else { 0.0 });
                         forces.by_stretch += k * slope * f * c.across;
                         match least > 0.0 {
@@ -188,7 +192,7 @@ impl Expansion<'_> {
                     }
                     _ => {
                         let penetration = |j: usize| sizes(&work[layout.of(j, PENETRATION)..], &powers);
-                        let goes = matches!(four.does[l], Does::AsOwner(_));
+                        let goes = matches!(four.does[l], ContactAction::AsOwner(_));
                         let owner = if goes { clock.owner } else { Some(j).filter(|j| clock.owner == Some(*j)) };
                         if let Some(i) = owner.filter(|_| clock.root == law.exponent.q) {
                             let left = root.power(law, k * f, (i, penetration(i)), c, &mut forces);

@@ -10,7 +10,7 @@ use super::{
     propagator::{MOST_INPUTS, Propagator, load_size},
 };
 use crate::{
-    hybrid::Made,
+    hybrid::LeapCounts,
     system::{Elasticity, Force, Spring, Watch, Wave},
 };
 
@@ -29,7 +29,7 @@ pub(super) const WORTH: u64 = 128;
 impl Motion<'_> {
     /// Returns the propagator of the mode, for a run that has `made` these arcs.
     #[inline(always)]
-    pub(super) fn propagator(&self, made: Made) -> Option<&Propagator> {
+    pub(super) fn propagator(&self, made: LeapCounts) -> Option<&Propagator> {
         if self.is_varying && made.arcs < WORTH || self.structure.n > FEW_FREEDOMS && made.here < WORTH_HERE {
             return None;
         }

@@ -6,7 +6,7 @@ use crate::{gear::contact::PowerLaw, vectors::Path};
 
 /// Kind of the action of a contact in a step.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) enum Does {
+pub(super) enum ContactAction {
     /// No force and no guard.
     #[default]
     Nothing,
@@ -24,7 +24,7 @@ pub(super) enum Does {
     Else,
 }
 
-impl Does {
+impl ContactAction {
     /// Returns whether the contact is a closed power law.
     pub fn presses(&self) -> bool {
         matches!(self, Self::Pressed | Self::AsOwner(_) | Self::Alone(_))
@@ -43,7 +43,7 @@ pub(super) struct FourSeries {
     pub factor: [[f64; LANES]; ROW],
     /// Forces by the laws, carried or not.
     pub force: [[f64; LANES]; ROW],
-    pub does: [Does; LANES],
+    pub does: [ContactAction; LANES],
     /// True if some contact has a power law. The next three: a power of its own, a linear law of constant stiffness, another law.
     pub has_power: bool,
     pub has_lone: bool,
@@ -76,7 +76,7 @@ impl Default for FourSeries {
             raised: rows,
             factor: rows,
             force: rows,
-            does: [Does::Nothing; LANES],
+            does: [ContactAction::Nothing; LANES],
             has_power: false,
             has_lone: false,
             has_spring: false,
@@ -139,7 +139,7 @@ impl FourSeries {
 
 /// Sums of the sizes of the series of four contacts at the end of a step.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sums {
+pub(super) struct FourSums {
     /// Penetration at the start. The next two fields: sums of all terms.
     pub start: [f64; LANES],
     pub penetration: [f64; LANES],
@@ -152,7 +152,7 @@ pub(super) struct Sums {
 impl FourSeries {
     /// Returns the sums, with the `powers` of the length of the step.
     #[inline(always)]
-    pub fn sums<P: Path>(&self, path: P, powers: &[f64; ROW]) -> Sums {
+    pub fn sums<P: Path>(&self, path: P, powers: &[f64; ROW]) -> FourSums {
         let start = path.sizes(path.four(self.penetration[0]));
         let mut penetration = start;
         // `Σ_{i+j>N} a_i b_j`, the last of b summed on the way.
@@ -168,7 +168,7 @@ impl FourSeries {
             product = path.fused(u, last_factor, product);
         }
         let factor = path.plus(path.sizes(path.four(self.factor[0])), last_factor);
-        Sums {
+        FourSums {
             start: path.numbers(start),
             penetration: path.numbers(penetration),
             factor: path.numbers(factor),

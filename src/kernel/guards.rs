@@ -1,11 +1,11 @@
 //! The guards of a mode as polynomials in the step's clock.
 
 use super::{
-    Expansion, FACTOR, FORCE, Force, LANES, Motion, RATE, ROW, bound::Tail, clock::StepClock, motion::Watched,
+    Expansion, FACTOR, FORCE, Force, LANES, Motion, RATE, ROW, bound::Tail, clock::StepClock, motion::ModeGuard,
 };
 use crate::{
     hybrid::{GuardId, Jet},
-    system::{Acting, ContactMode, Watch, guard_id, guard_of, zeros},
+    system::{ActiveContact, ContactMode, Watch, guard_id, guard_of, zeros},
 };
 
 /// Rounding of the value of a guard relative to the terms of its sum: that of the sum itself, and that which the state has
@@ -32,7 +32,7 @@ impl Motion<'_> {
         let (j, watch) = guard_of(id);
         let s = self.structure;
         // The rounding of a force is that of its terms: the deflection of a spring, the accelerations balanced by a multiplier.
-        let force = |a: &Acting| match (a.force, &s.contacts[a.contact]) {
+        let force = |a: &ActiveContact| match (a.force, &s.contacts[a.contact]) {
             (Force::Linear { damping, .. }, c) => c.stiffest * s.deflection_size(c, x) + damping * s.rate_size(c, x),
             (Force::Held, c) => c.effective_mass() * s.acceleration_size(a.contact, std::iter::empty(), x, |_| 0.0),
             // The contact leaves at this instant.
@@ -98,7 +98,7 @@ impl Expansion<'_> {
         let is_plain = clock.is_none_or(StepClock::is_plain);
         let powers = powers(*reach);
         for watched in &self.motion.guards {
-            let &Watched { id, contact: j, watch, .. } = watched;
+            let &ModeGuard { id, contact: j, watch, .. } = watched;
             let part = &self.motion.parts[j];
             let deflection_size = work[self.layout.sizes + j];
             let stretch_size = self.stretch_size(j, clock, deflection_size, work);
@@ -150,8 +150,8 @@ impl Expansion<'_> {
 
     /// Returns the value of a guard of position at the start.
     #[inline(always)]
-    pub(super) fn position(&self, watched: &Watched, work: &[f64]) -> f64 {
-        let &Watched { contact: j, watch, sign, .. } = watched;
+    pub(super) fn position(&self, watched: &ModeGuard, work: &[f64]) -> f64 {
+        let &ModeGuard { contact: j, watch, sign, .. } = watched;
         match self.motion.parts[j].side {
             0.0 => match self.gap(j, watch, work) {
                 Some(gap) => gap,
@@ -163,7 +163,7 @@ impl Expansion<'_> {
 
     /// Writes a guard of position as a series in θ.
     #[inline(always)]
-    pub(super) fn position_row(&self, watched: &Watched, powers: &Powers, work: &[f64], series: &mut [f64]) {
+    pub(super) fn position_row(&self, watched: &ModeGuard, powers: &Powers, work: &[f64], series: &mut [f64]) {
         let (along, j) = (watched.along(), watched.contact);
         let first = self.layout.deflection(j - j % LANES, 0);
         let deflections = work[first..first + ROW * LANES].as_chunks::<LANES>().0;
@@ -181,7 +181,7 @@ impl Expansion<'_> {
     #[inline(always)]
     pub(super) fn force_row(
         &self,
-        watched: &Watched,
+        watched: &ModeGuard,
         stretch: f64,
         deflection: f64,
         powers: &Powers,
@@ -240,7 +240,7 @@ impl Expansion<'_> {
                 (FORCE, sign * part.side, c.stiffest * stretch + damping * self.s.rate_size(c, x))
             }
             Some(Force::Held) | None => {
-                let force = |a: &Acting| work[self.layout.of(a.contact, FORCE)];
+                let force = |a: &ActiveContact| work[self.layout.of(a.contact, FORCE)];
                 let size = c.effective_mass() * self.s.acceleration_size(j, self.motion.carrying(), x, force);
                 (FORCE, sign * part.side, size)
             }

@@ -7,14 +7,15 @@ use super::{
     Motion,
     formed::WORTH,
     guards::ROUNDING,
+    lane_leap::{Bound, Derivatives},
     leap::MOST_LEAPS,
     propagator::MOST_INPUTS,
-    stride::{Bound, Derivatives},
 };
 use crate::{
     gear::contact::Law,
     hybrid::{
-        self, Budget, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Made, Mode, Rebound,
+        self, Budget, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, LeapCounts, Mode,
+        Rebound,
     },
     system::{Columns, ContactMode, Spring, Structure, Watch, contact_mode, dot, guard_id},
     vectors::{Path, Work},
@@ -39,13 +40,13 @@ const FAR: f64 = 4.0;
 
 /// Event of a lane: state of the contact before and after, and the guard that fell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Passed {
+pub(crate) struct LaneEvent {
     pub was: u8,
     pub is: u8,
     pub watch: u8,
 }
 
-impl Passed {
+impl LaneEvent {
     /// Returns the state of the contact before and after, and the guard.
     pub fn parts(self) -> (ContactMode, ContactMode, Watch) {
         let watch = [Watch::DriveFlank, Watch::BackFlank, Watch::Force][usize::from(self.watch)];
@@ -55,11 +56,11 @@ impl Passed {
 
 /// Records of the motion in a lane.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Noted {
+pub(crate) struct LaneRecords {
     /// Time in each state of the contact, s, in the order of [`ContactMode`].
     pub times: [f64; 5],
     /// Events, if requested.
-    pub events: Option<Vec<Passed>>,
+    pub events: Option<Vec<LaneEvent>>,
     /// Contacts gained and impacts, if requested: time since the start of the cycle, s, rate of the deflection before, m/s, and side of
     /// the flank, ±1.
     pub strikes: Option<Vec<[f64; 3]>>,
@@ -68,7 +69,7 @@ pub(crate) struct Noted {
 }
 
 /// Mode that has occurred in the run, prepared for leaps.
-pub(super) struct Gait<'s> {
+pub(super) struct LaneMode<'s> {
     /// Number of the contact in the mode.
     number: u16,
     state: ContactMode,
@@ -84,17 +85,17 @@ pub(super) struct Gait<'s> {
 struct Edge {
     state: ContactMode,
     zeros: [bool; 3],
-    /// Index of the gait after the fall, if no schedule affects it.
-    gait: Option<usize>,
+    /// Index of the mode after the fall, if no schedule affects it.
+    mode: Option<usize>,
 }
 
 /// Current point of a lane.
 #[derive(Clone, Copy)]
-pub(super) struct Stand {
+pub(super) struct LaneState {
     pub at: Instant,
     pub x: [f64; 2],
-    /// Index of the mode in the list of gaits.
-    pub gait: usize,
+    /// Index of the mode in the list of modes.
+    pub mode: usize,
     /// Guards of the contact that are exactly zero, by [`Watch`].
     pub zeros: [bool; 3],
     /// Guards that received an impulse.
@@ -113,14 +114,14 @@ type Waves = [[f64; 2]; MOST_INPUTS];
 /// Lane of a train; the module comment describes it.
 pub(crate) struct Lane<'s> {
     pub(super) structure: &'s Structure,
-    pub(super) gaits: Vec<Gait<'s>>,
-    /// Index of the gait plus 1, by number of the contact; 0 for none.
+    pub(super) modes: Vec<LaneMode<'s>>,
+    /// Index of the mode plus 1, by number of the contact; 0 for none.
     places: Vec<u16>,
     /// True if a jump changes the columns.
     salts: bool,
     is_rigid: bool,
     is_scheduled: bool,
-    pub(super) stand: Stand,
+    pub(super) state: LaneState,
     pub(super) waves: Waves,
 }
 
@@ -149,10 +150,10 @@ impl<'s> Lane<'s> {
         };
         let is_periodic = structure.clock.period().is_some() && structure.oscillators.iter().all(|o| o.order.is_some());
         let few = structure.n == 1 && structure.dim == 2 && structure.oscillators.len() <= MOST_INPUTS;
-        let stand = Stand {
+        let state = LaneState {
             at: Instant::default(),
             x: [0.0; 2],
-            gait: 0,
+            mode: 0,
             zeros: [false; 3],
             struck: [false; 3],
             projected: 0.0,
@@ -161,12 +162,12 @@ impl<'s> Lane<'s> {
         };
         (few && is_periodic && !structure.is_conservative).then(|| Self {
             structure,
-            gaits: Vec::new(),
+            modes: Vec::new(),
             places: Vec::new(),
             salts,
             is_rigid,
             is_scheduled: matches!(c.spring, Spring::Scheduled(_)),
-            stand,
+            state,
             waves: [[0.0; 2]; MOST_INPUTS],
         })
     }
@@ -180,8 +181,8 @@ impl<'s> Lane<'s> {
     fn enter(&mut self, at: Instant, x: [f64; 2], jump: &Jump, carried: f64, host: &mut dyn LaneHost) {
         let of = |set: &GuardSet| [0, 1, 2].map(|watch| set.contains(hybrid::GuardId(watch)));
         let (zeros, struck) = (of(&jump.pinned), of(&jump.struck));
-        let gait = self.meet(&jump.mode, host);
-        self.stand = Stand { at, x, gait, zeros, struck, projected: jump.projected, carried, switch: None };
+        let mode = self.meet(&jump.mode, host);
+        self.state = LaneState { at, x, mode, zeros, struck, projected: jump.projected, carried, switch: None };
         self.look_ahead();
         self.turn();
     }
@@ -189,7 +190,7 @@ impl<'s> Lane<'s> {
     /// Evaluates the oscillators at the current instant.
     #[inline(always)]
     fn turn(&mut self) {
-        let (waves, at) = (&mut self.waves, self.stand.at);
+        let (waves, at) = (&mut self.waves, self.state.at);
         self.structure.oscillate(at, |i, cosine, sine| waves[i] = [cosine, sine]);
     }
 
@@ -197,11 +198,11 @@ impl<'s> Lane<'s> {
     #[inline(always)]
     fn look_ahead(&mut self) {
         if self.is_scheduled {
-            self.stand.switch = self.structure.next_switch(&self.mode(), self.stand.at);
+            self.state.switch = self.structure.next_switch(&self.mode(), self.state.at);
         }
     }
 
-    /// Returns the index of the gait of a mode, which is formed if it is new.
+    /// Returns the index of the mode of a mode, which is formed if it is new.
     fn meet(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> usize {
         let number = mode.get(0);
         match self.places.get(usize::from(number)) {
@@ -211,64 +212,64 @@ impl<'s> Lane<'s> {
         }
         let motion = Motion::new(self.structure, mode);
         let (state, is_exact) = (contact_mode(mode, 0), host.is_exact(mode));
-        self.gaits.push(Gait { number, state, motion, is_exact, edges: [None; 3] });
-        self.places[usize::from(number)] = self.gaits.len() as u16;
-        self.gaits.len() - 1
+        self.modes.push(LaneMode { number, state, motion, is_exact, edges: [None; 3] });
+        self.places[usize::from(number)] = self.modes.len() as u16;
+        self.modes.len() - 1
     }
 
     /// Returns the current instant.
     pub fn at(&self) -> Instant {
-        self.stand.at
+        self.state.at
     }
 
     /// Returns the state `[q, v]`.
     pub fn x(&self) -> [f64; 2] {
-        self.stand.x
+        self.state.x
     }
 
     fn mode(&self) -> Mode {
         let mut mode = Mode::default();
-        mode.set(0, self.gaits[self.stand.gait].number);
+        mode.set(0, self.modes[self.state.mode].number);
         mode
     }
 
     /// Returns mode and exact zeros.
     pub fn jump(&self) -> Jump {
-        let Stand { zeros, struck, projected, .. } = self.stand;
+        let LaneState { zeros, struck, projected, .. } = self.state;
         let set = |of: [bool; 3]| (0..3).filter(|i| of[usize::from(*i)]).map(hybrid::GuardId).collect();
         Jump { mode: self.mode(), pinned: set(zeros), still: GuardSet::default(), struck: set(struck), projected }
     }
 
     /// Runs to the start of the next cycle. Returns `false` if it cannot decide an event, and stays before it.
-    pub fn cycle(&mut self, noted: &mut Noted) -> bool {
-        let bound = self.structure.clock.at(self.stand.at.cycle + 1, 0.0);
-        let ride = Ride {
+    pub fn cycle(&mut self, records: &mut LaneRecords) -> bool {
+        let bound = self.structure.clock.at(self.state.at.cycle + 1, 0.0);
+        let run = LaneRun {
             lane: self,
             bound,
             budget: Budget { events: MOST_EVENTS, steps: MOST_STEPS },
-            noted,
+            records,
             host: &mut NoHost,
             arcs: WORTH,
             impact: None,
             returns: false,
         };
-        ride.lane.structure.instructions.run(ride).end == LapEnd::Bound
+        run.lane.structure.instructions.run(run).end == LapEnd::Bound
     }
 
     /// Returns the record of a fall of `watch` at the current point, if it is a strike.
     #[inline(always)]
     fn strike(&self, watch: Watch) -> Option<[f64; 3]> {
-        let Stand { at, x, gait, .. } = &self.stand;
-        let strikes = self.gaits[*gait].state == ContactMode::Separated && watch.side() != 0.0;
+        let LaneState { at, x, mode, .. } = &self.state;
+        let strikes = self.modes[*mode].state == ContactMode::Separated && watch.side() != 0.0;
         strikes.then(|| [at.phase.value(), self.structure.deflection(0, *at, x).1, watch.side()])
     }
 
     /// Makes the jump of the guard of `watch` at the current point, its value known to `error`. Returns `false` if it is not decided here.
     #[inline(always)]
-    fn fire(&mut self, watch: Watch, error: f64, noted: &mut Noted, host: &mut dyn LaneHost) -> bool {
-        let (s, gait, at) = (self.structure, self.stand.gait, self.stand.at);
+    fn fire(&mut self, watch: Watch, error: f64, records: &mut LaneRecords, host: &mut dyn LaneHost) -> bool {
+        let (s, mode, at) = (self.structure, self.state.mode, self.state.at);
         let (c, side) = (&s.contacts[0], watch.side());
-        let salts = self.salts && noted.columns.is_some();
+        let salts = self.salts && records.columns.is_some();
         let mut off = 0.0;
         if side != 0.0 {
             // As in `Structure::project`.
@@ -276,44 +277,44 @@ impl<'s> Lane<'s> {
             for w in &c.error {
                 displaced += w.cosine * self.waves[w.index][0] + w.sine * self.waves[w.index][1];
             }
-            off = side * c.gap() - (dot(&c.direction, &self.stand.x) - displaced);
-            if off.abs() > AGREED * (error + ROUNDING * s.deflection_size(c, &self.stand.x)) {
+            off = side * c.gap() - (dot(&c.direction, &self.state.x) - displaced);
+            if off.abs() > AGREED * (error + ROUNDING * s.deflection_size(c, &self.state.x)) {
                 return false;
             }
         }
-        if !salts && let Some(Edge { state, zeros, gait }) = self.gaits[gait].edges[watch as usize] {
+        if !salts && let Some(Edge { state, zeros, mode }) = self.modes[mode].edges[watch as usize] {
             let struck = self.is_rigid && side != 0.0;
-            s.shift(std::iter::once(0), &[off], &mut self.stand.x[..1]);
-            self.stand.projected = off.abs();
-            self.stand.struck = [false; 3];
+            s.shift(std::iter::once(0), &[off], &mut self.state.x[..1]);
+            self.state.projected = off.abs();
+            self.state.struck = [false; 3];
             if struck {
-                let Some(projected) = s.rebound_alone(watch, at, &mut self.stand.x) else { return false };
-                self.stand.projected = projected.max(off.abs());
-                self.stand.struck = zeros;
+                let Some(projected) = s.rebound_alone(watch, at, &mut self.state.x) else { return false };
+                self.state.projected = projected.max(off.abs());
+                self.state.struck = zeros;
             }
-            let gait = gait.unwrap_or_else(|| {
+            let mode = mode.unwrap_or_else(|| {
                 let mut mode = self.mode();
                 s.enter(&mut mode, 0, state, at);
                 self.meet(&mode, host)
             });
-            (self.stand.gait, self.stand.zeros) = (gait, zeros);
+            (self.state.mode, self.state.zeros) = (mode, zeros);
             self.look_ahead();
             return true;
         }
         let fired = GuardSet::from_iter([guard_id(0, watch)]);
         let from = Jump { pinned: fired.clone(), ..self.jump() };
-        let before = self.stand.x;
+        let before = self.state.x;
         let mut x = before;
         let Ok(jump) = s.jump(&from, &fired, at, &mut x, &mut []) else { return false };
-        if let Some(columns) = noted.columns.as_mut().filter(|_| salts) {
+        if let Some(columns) = records.columns.as_mut().filter(|_| salts) {
             s.saltate((&from, &jump), (&fired, false, false), at, (&before, &x), &[], columns);
         }
         self.enter(at, x, &jump, f64::NAN, host);
         // A rebound leaves a rigid contact open; what else may follow an impact is decided each time.
-        if !self.is_rigid || side != 0.0 && self.stand.gait == gait && jump.still.is_empty() {
-            let (state, zeros) = (self.gaits[self.stand.gait].state, self.stand.zeros);
-            let to = Some(self.stand.gait).filter(|_| !self.is_scheduled || state == ContactMode::Separated);
-            self.gaits[gait].edges[watch as usize] = Some(Edge { state, zeros, gait: to });
+        if !self.is_rigid || side != 0.0 && self.state.mode == mode && jump.still.is_empty() {
+            let (state, zeros) = (self.modes[self.state.mode].state, self.state.zeros);
+            let to = Some(self.state.mode).filter(|_| !self.is_scheduled || state == ContactMode::Separated);
+            self.modes[mode].edges[watch as usize] = Some(Edge { state, zeros, mode: to });
         }
         jump.still.is_empty()
     }
@@ -323,14 +324,14 @@ impl hybrid::Lane for Lane<'_> {
     fn run(&mut self, point: LanePoint<'_>, bound: Instant, budget: Budget, host: &mut dyn LaneHost) -> Lap {
         let LanePoint { at, x, jump, carried, arcs, impact } = point;
         self.enter(*at, [x[0], x[1]], jump, carried.first().copied().unwrap_or(f64::NAN), host);
-        let noted = &mut Noted::default();
-        let ride = Ride { lane: self, bound, budget, noted, host, arcs, impact, returns: true };
-        let lap = ride.lane.structure.instructions.run(ride);
+        let records = &mut LaneRecords::default();
+        let run = LaneRun { lane: self, bound, budget, records, host, arcs, impact, returns: true };
+        let lap = run.lane.structure.instructions.run(run);
         if lap != Lap::default() {
-            (*at, *jump) = (self.stand.at, self.jump());
-            x.copy_from_slice(&self.stand.x);
+            (*at, *jump) = (self.state.at, self.jump());
+            x.copy_from_slice(&self.state.x);
             carried.clear();
-            carried.push(self.stand.carried);
+            carried.push(self.state.carried);
         }
         lap
     }
@@ -344,11 +345,11 @@ impl Structure {
 }
 
 /// Run of a lane up to a bound, as work for a set of instructions.
-struct Ride<'a, 's> {
+struct LaneRun<'a, 's> {
     lane: &'a mut Lane<'s>,
     bound: Instant,
     budget: Budget,
-    noted: &'a mut Noted,
+    records: &'a mut LaneRecords,
     host: &'a mut dyn LaneHost,
     /// Number of arcs that the run has made.
     arcs: u64,
@@ -358,24 +359,24 @@ struct Ride<'a, 's> {
     returns: bool,
 }
 
-impl Work for Ride<'_, '_> {
+impl Work for LaneRun<'_, '_> {
     type Output = Lap;
 
     #[inline(always)]
     fn on<P: Path>(self, path: P) -> Lap {
-        let Self { lane, bound, budget, noted, host, arcs, mut impact, returns } = self;
+        let Self { lane, bound, budget, records, host, arcs, mut impact, returns } = self;
         let (s, clock) = (lane.structure, lane.structure.clock);
         let mut lap = Lap::default();
         // Start of the last arc of which something was decided, and the work done up to it.
-        let (mut last, mut done) = (lane.stand, Lap::default());
+        let (mut last, mut done) = (lane.state, Lap::default());
         let mut rebound: Derivatives = [([f64::NAN; 3], f64::NAN); 2];
         'arcs: loop {
             let mut leaps = 0;
             loop {
-                let at = lane.stand.at;
-                let switch = lane.stand.switch.filter(|switch| *switch <= bound);
-                let Gait { motion, is_exact, .. } = &lane.gaits[lane.stand.gait];
-                let made = Made { arcs: arcs + lap.arcs, ..Made::default() };
+                let at = lane.state.at;
+                let switch = lane.state.switch.filter(|switch| *switch <= bound);
+                let LaneMode { motion, is_exact, .. } = &lane.modes[lane.state.mode];
+                let made = LeapCounts { arcs: arcs + lap.arcs, ..LeapCounts::default() };
                 let Some(propagator) = motion.propagator(made).filter(|_| *is_exact) else { break 'arcs };
                 // Far from the bound, a rough distance suffices.
                 let mut span = clock.roughly(at, switch.unwrap_or(bound));
@@ -394,8 +395,8 @@ impl Work for Ride<'_, '_> {
                 }
                 let bound_by = Bound { span, is_switch: switch.is_some() };
                 let after = impact.is_some().then_some(&mut rebound);
-                let stride = lane.stride(path, propagator, bound_by, after, noted.columns.as_mut());
-                let Some(stride) = stride else { break 'arcs };
+                let leap = lane.leap(path, propagator, bound_by, after, records.columns.as_mut());
+                let Some(leap) = leap else { break 'arcs };
                 if leaps == 0 {
                     if let Some(guard) = impact.take() {
                         let (derivatives, rounding) = rebound[usize::from(guard.0)];
@@ -405,51 +406,51 @@ impl Work for Ride<'_, '_> {
                         }
                     }
                     lap.closes = true;
-                    (last, done) = (lane.stand, lap);
+                    (last, done) = (lane.state, lap);
                     lap.arcs += 1;
                 }
                 (lap.steps, leaps) = (lap.steps + 1, leaps + 1);
-                let was = lane.gaits[lane.stand.gait].state;
-                noted.times[was as usize] += stride.time;
-                let stand = &mut lane.stand;
-                if stride.is_bound {
-                    stand.at = switch.unwrap_or(bound);
+                let was = lane.modes[lane.state.mode].state;
+                records.times[was as usize] += leap.time;
+                let state = &mut lane.state;
+                if leap.is_bound {
+                    state.at = switch.unwrap_or(bound);
                 } else {
-                    clock.pass(&mut stand.at, stride.time);
+                    clock.pass(&mut state.at, leap.time);
                 }
-                (stand.x, stand.zeros, stand.carried) = (stride.x, [false; 3], stride.carried);
+                (state.x, state.zeros, state.carried) = (leap.x, [false; 3], leap.carried);
                 lane.turn();
-                if let Some((number, error)) = stride.falls {
-                    let watch = lane.gaits[lane.stand.gait].motion.guards[number].watch;
-                    let strike = noted.strikes.as_ref().and_then(|_| lane.strike(watch));
-                    if !lane.fire(watch, error, noted, host) {
+                if let Some((number, error)) = leap.falls {
+                    let watch = lane.modes[lane.state.mode].motion.guards[number].watch;
+                    let strike = records.strikes.as_ref().and_then(|_| lane.strike(watch));
+                    if !lane.fire(watch, error, records, host) {
                         break 'arcs;
                     }
-                    if let Some(strikes) = &mut noted.strikes {
+                    if let Some(strikes) = &mut records.strikes {
                         strikes.extend(strike);
                     }
                     lap.events += 1;
                     impact = lane.is_rigid.then_some(guard_id(0, watch)).filter(|_| watch != Watch::Force);
-                    if let Some(events) = &mut noted.events {
-                        let is = lane.gaits[lane.stand.gait].state;
-                        events.push(Passed { was: was as u8, is: is as u8, watch: watch as u8 });
+                    if let Some(events) = &mut records.events {
+                        let is = lane.modes[lane.state.mode].state;
+                        events.push(LaneEvent { was: was as u8, is: is as u8, watch: watch as u8 });
                     }
                     continue 'arcs;
                 }
-                if stride.is_bound && switch.is_some() {
-                    let mode = s.switched(&lane.mode(), lane.stand.at);
-                    lane.stand.gait = lane.meet(&mode, host);
+                if leap.is_bound && switch.is_some() {
+                    let mode = s.switched(&lane.mode(), lane.state.at);
+                    lane.state.mode = lane.meet(&mode, host);
                     lane.look_ahead();
                     lap.switches += 1;
                     continue 'arcs;
                 }
-                if stride.is_bound {
+                if leap.is_bound {
                     return Lap { end: LapEnd::Bound, ..lap };
                 }
             }
         }
         if returns {
-            lane.stand = last;
+            lane.state = last;
             lane.turn();
             lap = done;
         }

@@ -9,13 +9,13 @@ use smallvec::SmallVec;
 use super::{
     LANES, Motion, SMALL_STRETCH,
     guards::ROUNDING,
-    motion::Watched,
+    motion::ModeGuard,
     propagator::{Component, MOST_INPUTS, MOST_TERMS, Propagator},
     start::deflection_terms,
 };
 use crate::{
-    hybrid::{Instant, JetRequest, Known, Leap, Passage},
-    poly::{self, MOST_FOURS, Numbers, Pattern, Place, Row, Signed},
+    hybrid::{GuardValue, Instant, JetRequest, Leap, Passage},
+    poly::{self, BernsteinBasis, MOST_FOURS, Numbers, Pattern, Row, Signed},
     system::{ContactMode, Elasticity, Force, Watch, Wave, dot, guard_id},
     vectors::Path,
 };
@@ -48,7 +48,7 @@ pub(super) struct Start {
 
 /// Known data of a contact at the start of a span.
 #[derive(Clone, Copy)]
-pub(super) struct Given<'a> {
+pub(super) struct SpanStart<'a> {
     pub at: Instant,
     pub x: &'a [f64],
     /// Size of the terms whose sum is its deflection, m.
@@ -59,7 +59,7 @@ pub(super) struct Given<'a> {
     pub carried: f64,
 }
 
-impl<'a> Given<'a> {
+impl<'a> SpanStart<'a> {
     fn new(request: &JetRequest<'a>, j: usize, size: f64) -> Self {
         let mut zeros = [false; 3];
         if !request.pinned.is_empty() {
@@ -76,7 +76,7 @@ impl<'a> Given<'a> {
 
 /// Guard of a leap: its value at the start, the sign of the row of its contact in it, and the error of that row.
 #[derive(Clone, Copy)]
-struct Line {
+struct GuardRow {
     start: f64,
     sign: f64,
     error: f64,
@@ -204,7 +204,7 @@ impl Propagator {
 
     /// Returns the start of contact `j`, whose deflection by the state is `deflection`, m.
     #[inline(always)]
-    pub(super) fn start(&self, motion: &Motion, given: &Given<'_>, j: usize, deflection: f64) -> Start {
+    pub(super) fn start(&self, motion: &Motion, given: &SpanStart<'_>, j: usize, deflection: f64) -> Start {
         let (c, part) = (&motion.structure.contacts[j], &motion.parts[j]);
         let is_open = part.state == ContactMode::Separated;
         let flank = |watch: Watch| given.is_zero(watch).then_some(watch.side() * c.gap());
@@ -225,12 +225,12 @@ impl Propagator {
     pub(super) fn guard(
         &self,
         motion: &Motion,
-        given: &Given<'_>,
-        watched: &Watched,
+        given: &SpanStart<'_>,
+        watched: &ModeGuard,
         start: &Start,
         rate: f64,
     ) -> [f64; 3] {
-        let Watched { contact: j, watch, sign, .. } = *watched;
+        let ModeGuard { contact: j, watch, sign, .. } = *watched;
         let (s, part) = (motion.structure, &motion.parts[j]);
         let c = &s.contacts[j];
         if watch == Watch::Force {
@@ -289,7 +289,7 @@ impl Propagator {
             w.iter().fold(0.0, |sum, w| sum + w.cosine * oscillators[w.index][0] + w.sine * oscillators[w.index][1])
         };
         let rate = |j: usize| dot(&s.contacts[j].direction, &x[n..]) - wave(&s.contacts[j].error_rate);
-        let mut starts: SmallVec<[(Given<'_>, Start); FEW]> = SmallVec::new();
+        let mut starts: SmallVec<[(SpanStart<'_>, Start); FEW]> = SmallVec::new();
         let mut stretches: SmallVec<[f64; FEW]> = SmallVec::new();
         let [mut sums, mut sizes] = [[0.0; LANES]; 2];
         for (j, c) in s.contacts.iter().enumerate() {
@@ -304,7 +304,7 @@ impl Propagator {
                 continue;
             }
             let deflection = sums[j % LANES] - (c.spec.error_offset + wave(&c.error));
-            let given = Given::new(request, j, sizes[j % LANES]);
+            let given = SpanStart::new(request, j, sizes[j % LANES]);
             let mut start = self.start(motion, &given, j, deflection);
             if given.is_zero(Watch::Force) {
                 let error = ROUNDING * given.size;
@@ -321,7 +321,7 @@ impl Propagator {
             rows.push((line.columns.combine(path, &z), line.error(&z)));
         }
         // All guards, and those that are not clear of zero, with their numbers.
-        let mut lines: SmallVec<[Line; MANY]> = SmallVec::new();
+        let mut lines: SmallVec<[GuardRow; MANY]> = SmallVec::new();
         let mut guards: SmallVec<[Guard<'_, P, F>; FEW]> = SmallVec::new();
         let mut numbers: SmallVec<[usize; FEW]> = SmallVec::new();
         for (number, (watched, row)) in motion.guards.iter().zip(&self.guards).enumerate() {
@@ -339,7 +339,7 @@ impl Propagator {
                 return false;
             }
             let error = *error;
-            lines.push(Line { start, sign, error });
+            lines.push(GuardRow { start, sign, error });
             if poly::stays_above(path, start, row, 2.0 * (rounding + error)) {
                 continue;
             }
@@ -369,7 +369,7 @@ impl Propagator {
             leap.twins = equal.map(|(watched, _)| watched.id).collect();
         }
         leap.time = end * self.span;
-        let place: Place<P, F> = Place::new(path, end);
+        let place: BernsteinBasis<P, F> = BernsteinBasis::new(path, end);
         let weight = end * place.weight();
         let added = |row: &Row<P, F>| weight * place.value(path, row);
         leap.x.clear();
@@ -412,7 +412,7 @@ impl Propagator {
             } else {
                 [f64::NAN; 3]
             };
-            leap.starts.push(Known {
+            leap.starts.push(GuardValue {
                 guard: watched.id,
                 value: line.start,
                 error,
@@ -451,7 +451,13 @@ impl Propagator {
             for ((watched, line), row) in motion.guards.iter().zip(&lines).zip(&self.guards) {
                 let added = line.sign * gained[*row];
                 let (value, terms) = (line.start + added, line.start.abs() + added.abs());
-                leap.ends.push(Known { guard: watched.id, value, error: line.error, terms, ..Known::default() });
+                leap.ends.push(GuardValue {
+                    guard: watched.id,
+                    value,
+                    error: line.error,
+                    terms,
+                    ..GuardValue::default()
+                });
             }
         }
         true

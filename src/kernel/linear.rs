@@ -11,7 +11,7 @@ use super::{
     Expansion, FORCE, LANES, Layout, ORDER, ROW,
     clock::StepClock,
     compiled::{Blocks, Four, MOST_BLOCKS, MOST_GROUPED, View, group_size},
-    motion::Part,
+    motion::ContactInMode,
 };
 use crate::{
     hybrid::Jet,
@@ -53,7 +53,7 @@ impl Expansion<'_> {
         }
         self.s.instructions.run(Recurrence { expansion: self, out });
         if self.keeps_low() {
-            let carried = self.motion.parts.iter().map(Part::carried_linear).enumerate();
+            let carried = self.motion.parts.iter().map(ContactInMode::carried_linear).enumerate();
             let constant = |(j, law)| match law {
                 Some((Elasticity::Constant(k), _)) => Some((j, k)),
                 _ => None,

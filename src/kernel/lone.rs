@@ -3,7 +3,7 @@
 use super::{
     Expansion, LANES, PENETRATION, POWER, STIFFNESS,
     clock::StepClock,
-    fours::{Does, FourSeries},
+    fours::{ContactAction, FourSeries},
     product,
 };
 use crate::gear::contact::PowerLaw;
@@ -27,13 +27,13 @@ impl Expansion<'_> {
         for (l, does) in four.does.iter().enumerate() {
             let j = LANES * chunk + l;
             match (does, clock.owner) {
-                (Does::Alone(law), _) => {
+                (ContactAction::Alone(law), _) => {
                     work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
                     self.power(clock, j, *law, (k, four.side[l] * four.rate[0][l]), work);
                     power[l] = work[layout.of(j, POWER) + k];
                 }
                 // Equal contacts stay equal to the last bit.
-                (Does::AsOwner(law), Some(owner)) => {
+                (ContactAction::AsOwner(law), Some(owner)) => {
                     let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
                     work[apart + k] = four.penetration[k][l] - work[own];
                     let slope = layout.y((law.exponent.p - law.exponent.q) as usize);

@@ -3,7 +3,7 @@
 //! Taken as exact numbers, the coefficients of the fast path fulfil their recurrence up to a residual, which is formed in two
 //! doubles and divided by `k + 1`. Beyond the orders kept, the terms are so small that their rounding does not affect the state.
 
-use super::{Expansion, Force, Watch, compiled::LARGEST, motion::Part};
+use super::{Expansion, Force, Watch, compiled::LARGEST, motion::ContactInMode};
 use crate::{
     hybrid::{FULL_PRECISION, Jet, Wide},
     system::PerContact,
@@ -23,7 +23,7 @@ impl Expansion<'_> {
     /// Returns whether the state has a low part: not while a power law is closed, as small penetrations are carried instead, and not if
     /// more than rounding is left out.
     pub(super) fn keeps_low(&self) -> bool {
-        let is_power = |part: &Part| matches!(part.force(), Some(Force::Power { .. }));
+        let is_power = |part: &ContactInMode| matches!(part.force(), Some(Force::Power { .. }));
         let is_full = self.request.tolerance <= FULL_PRECISION;
         is_full && self.s.is_conservative && !self.request.low.is_empty() && !self.motion.parts.iter().any(is_power)
     }

@@ -23,6 +23,7 @@ mod fours;
 mod guards;
 mod held;
 mod lane;
+mod lane_leap;
 mod leap;
 mod linear;
 mod lone;
@@ -37,11 +38,10 @@ mod reach;
 mod rows;
 mod sizes;
 mod start;
-mod stride;
 mod two;
 mod unit;
 
-pub(crate) use lane::{Lane, Noted, Passed};
+pub(crate) use lane::{Lane, LaneEvent, LaneRecords};
 
 use bound::Tail;
 use clock::StepClock;
@@ -50,7 +50,9 @@ use leap::MOST_LEAPS;
 use motion::Motion;
 use pressed::Pressed;
 
-use crate::hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Made, Power, Samples, Shown};
+use crate::hybrid::{
+    GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, LeapCounts, Power, Samples, StepQuantity,
+};
 use crate::system::{Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 use crate::vectors::{Baseline, Path, Work};
 
@@ -194,16 +196,16 @@ impl Work for Expand<'_> {
 }
 
 /// Leap, as work for a set of instructions.
-struct Forward<'a> {
+struct LeapWork<'a> {
     motion: &'a Motion<'a>,
     request: &'a JetRequest<'a>,
-    made: Made,
+    made: LeapCounts,
     /// True if an observer looks at steps.
     shown: bool,
     leap: &'a mut Leap,
 }
 
-impl Work for Forward<'_> {
+impl Work for LeapWork<'_> {
     type Output = bool;
 
     #[inline(always)]
@@ -251,7 +253,7 @@ impl Work for Sample<'_> {
 struct Show<'a> {
     motion: &'a Motion<'a>,
     step: &'a Jet,
-    what: Shown,
+    what: StepQuantity,
     series: &'a mut Vec<f64>,
 }
 
@@ -270,15 +272,15 @@ impl JetField for Motion<'_> {
         self.structure.instructions.run(Expand { motion: self, request, out });
     }
 
-    fn leap(&self, request: &JetRequest<'_>, made: Made, shown: bool, leap: &mut Leap) -> bool {
-        self.structure.instructions.run(Forward { motion: self, request, made, shown, leap })
+    fn leap(&self, request: &JetRequest<'_>, made: LeapCounts, shown: bool, leap: &mut Leap) -> bool {
+        self.structure.instructions.run(LeapWork { motion: self, request, made, shown, leap })
     }
 
     fn term_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         self.guard_sizes(id, step, x)
     }
 
-    fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
+    fn show(&self, step: &Jet, what: StepQuantity, series: &mut Vec<f64>) -> bool {
         self.structure.instructions.run(Show { motion: self, step, what, series });
         true
     }

@@ -12,7 +12,7 @@ use super::{
     Motion,
     column::MOST_POWERS as ORDERS,
     propagator::{CUT, Input, Output, SHORTEST},
-    unit::Series,
+    unit::UnitSeries,
 };
 use crate::{
     hybrid::Wide,
@@ -38,7 +38,7 @@ const SHORTER: f64 = 0.8;
 
 /// Wave: its angle in units of φ, its frequency, rad/s, and its parts.
 #[derive(Clone, Copy, Debug)]
-struct Swing {
+struct WaveTerm {
     degree: usize,
     omega: f64,
     cosine: f64,
@@ -47,9 +47,9 @@ struct Swing {
 
 /// Stiffness of a contact in the mode.
 #[derive(Debug)]
-struct Spun {
+struct ModulatedStiffness {
     mean: f64,
-    waves: Vec<Swing>,
+    waves: Vec<WaveTerm>,
 }
 
 /// Stiffnesses of a mode, as functions of φ.
@@ -59,16 +59,16 @@ pub(super) struct Modulation {
     pub order: u32,
     pub omega: f64,
     /// Stiffness of each contact, if it acts.
-    stiffness: Vec<Option<Spun>>,
+    stiffness: Vec<Option<ModulatedStiffness>>,
     /// Accelerations by the loads.
-    load: Vec<Swing>,
+    load: Vec<WaveTerm>,
     /// Errors of each contact, and their rates.
-    errors: Vec<[Vec<Swing>; 2]>,
+    errors: Vec<[Vec<WaveTerm>; 2]>,
     pub degrees: usize,
 }
 
 /// Sums of sizes of an output: of all terms, and of those after [`ORDERS`].
-pub(super) type Sums = [f64; 2];
+pub(super) type OutputSums = [f64; 2];
 
 impl Modulation {
     /// Forms the modulation of a mode. `None` if a stiffness varies in another way or n > 1; `Some(None)` if none varies.
@@ -82,7 +82,7 @@ impl Modulation {
         if s.n != 1 || order == 0 {
             return None;
         }
-        let swing = |Wave { index, cosine, sine }: &Wave| Swing {
+        let swing = |Wave { index, cosine, sine }: &Wave| WaveTerm {
             degree: (orders[*index] / order) as usize,
             omega: s.oscillators[*index].omega,
             cosine: *cosine,
@@ -93,10 +93,10 @@ impl Modulation {
         for (part, c) in motion.parts.iter().zip(&s.contacts) {
             stiffness.push(match (part.force(), &c.spring) {
                 (Some(Force::Linear { stiffness: Elasticity::Constant(mean), .. }), _) => {
-                    Some(Spun { mean, waves: Vec::new() })
+                    Some(ModulatedStiffness { mean, waves: Vec::new() })
                 }
                 (Some(Force::Linear { stiffness: Elasticity::Waves, .. }), Spring::Waves(mean, waves)) => {
-                    Some(Spun { mean: *mean, waves: swings(waves) })
+                    Some(ModulatedStiffness { mean: *mean, waves: swings(waves) })
                 }
                 (Some(Force::Linear { .. }), _) => return None,
                 _ => None,
@@ -136,7 +136,7 @@ impl Modulation {
         let all = |r: f64| inputs.iter().map(|input| self.sizes(motion, span, *input, outputs, r)).collect::<Vec<_>>();
         let own = all(1.0);
         // Degree beyond which the contribution of each input to each output is below the limit.
-        let needed = |sums: &[Vec<Sums>], r: f64| {
+        let needed = |sums: &[Vec<OutputSums>], r: f64| {
             let pairs = sums.iter().flatten().zip(own.iter().flatten()).filter(|(_, own)| own[0] > 0.0);
             pairs.fold(0.0, |m: f64, (sum, own)| m.max(libm::log(sum[0] / (BEYOND * own[0])) / libm::log(r)))
         };
@@ -164,13 +164,13 @@ impl Modulation {
     }
 
     /// Bounds the sums of the sizes of all Taylor terms of order one and more, waves of order h times `rʰ`: of q, of v, of the outputs.
-    fn sizes(&self, motion: &Motion, span: f64, input: Input, outputs: &[Output], r: f64) -> Vec<Sums> {
+    fn sizes(&self, motion: &Motion, span: f64, input: Input, outputs: &[Output], r: f64) -> Vec<OutputSums> {
         let s = motion.structure;
         let mut sums = vec![[0.0; 2]; 2 + outputs.len()];
         let is = |other: Input| f64::from(u8::from(input == other));
         let (mut q, mut v) = (is(Input::Displacement(0)), is(Input::Velocity(0)));
         // Contribution of a unit of all waves at every order.
-        let of = |swings: &[Swing]| {
+        let of = |swings: &[WaveTerm]| {
             let mut all = vec![0.0; SUMMED + 1];
             for w in swings {
                 let mut term = (w.cosine.abs() + w.sine.abs()) * libm::pow(r, w.degree as f64);
@@ -223,7 +223,7 @@ impl Modulation {
     }
 
     /// Returns Taylor coefficients for one unit input, by `1, cos φ, sin φ, …`.
-    pub fn series(&self, motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Vec<Series> {
+    pub fn series(&self, motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Vec<UnitSeries> {
         let s = motion.structure;
         let count = 2 * self.degrees + 1;
         let zero = vec![Wide::default(); count];
@@ -232,11 +232,12 @@ impl Modulation {
             trig[0] = if input == other { 1.0.into() } else { Wide::default() };
             trig
         };
-        let mut all: Vec<Series> =
-            (0..count).map(|_| Series { state: vec![Vec::new(); 2], rows: vec![Vec::new(); outputs.len()] }).collect();
+        let mut all: Vec<UnitSeries> = (0..count)
+            .map(|_| UnitSeries { state: vec![Vec::new(); 2], rows: vec![Vec::new(); outputs.len()] })
+            .collect();
         let (mut q, mut v) = (unit(Input::Displacement(0)), unit(Input::Velocity(0)));
         let is_forced = input == Input::Forcing;
-        let forced = |swings: &[Swing]| swings.iter().map(|w| (w.degree, w.series(span))).collect::<Vec<_>>();
+        let forced = |swings: &[WaveTerm]| swings.iter().map(|w| (w.degree, w.series(span))).collect::<Vec<_>>();
         let load = forced(&self.load);
         let errors: Vec<_> = self.errors.iter().map(|errors| [forced(&errors[0]), forced(&errors[1])]).collect();
         let take_off = |all: &mut [Wide], waves: &[(usize, Vec<[Wide; 2]>)], order: usize, sign: f64| {
@@ -306,7 +307,7 @@ impl Modulation {
     }
 }
 
-impl Swing {
+impl WaveTerm {
     /// Returns `c cos(hφ + ωt) + s sin(hφ + ωt)` as a series in t over the span: the factors of `cos hφ` and `sin hφ` at each order.
     fn series(&self, span: f64) -> Vec<[Wide; 2]> {
         let (mut cosine, mut sine) = (Wide::from(1.0), Wide::default());

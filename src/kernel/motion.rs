@@ -15,19 +15,19 @@ use super::{
 };
 use crate::{
     hybrid::{GuardId, JetField, Mode},
-    system::{Acting, ContactMode, Elasticity, Force, Sticking, Structure, Watch, contact_mode, guard_id},
+    system::{ActiveContact, ContactMode, Elasticity, Force, Sticking, Structure, Watch, contact_mode, guard_id},
 };
 
 /// Contact in a mode.
 #[derive(Debug)]
-pub(super) struct Part {
+pub(super) struct ContactInMode {
     pub state: ContactMode,
     /// Side of the flank of its law, ±1; 0 if the law acts on the deflection itself.
     pub side: f64,
-    pub acting: Option<Acting>,
+    pub acting: Option<ActiveContact>,
 }
 
-impl Part {
+impl ContactInMode {
     /// Returns whether the law acts on the deflection itself.
     pub fn is_bilateral(&self) -> bool {
         self.acting.is_some_and(|a| a.side == 0.0)
@@ -40,20 +40,22 @@ impl Part {
     /// Returns stiffness and damping of the linear law that carries force, if any.
     pub fn carried_linear(&self) -> Option<(Elasticity, f64)> {
         match self.acting? {
-            Acting { is_carried: true, force: Force::Linear { stiffness, damping }, .. } => Some((stiffness, damping)),
+            ActiveContact { is_carried: true, force: Force::Linear { stiffness, damping }, .. } => {
+                Some((stiffness, damping))
+            }
             _ => None,
         }
     }
 
     /// Returns whether the force is that of a closed power law.
     pub fn is_pressed(&self) -> bool {
-        matches!(self.acting, Some(Acting { is_carried: true, force: Force::Power { .. }, .. }))
+        matches!(self.acting, Some(ActiveContact { is_carried: true, force: Force::Power { .. }, .. }))
     }
 }
 
 /// Guard of a mode.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Watched {
+pub(super) struct ModeGuard {
     pub id: GuardId,
     pub contact: usize,
     pub watch: Watch,
@@ -61,7 +63,7 @@ pub(super) struct Watched {
     pub sign: f64,
 }
 
-impl Watched {
+impl ModeGuard {
     /// Returns the sign of the deflection in a guard of position.
     pub fn along(&self) -> f64 {
         if self.watch == Watch::DriveFlank { -self.sign } else { self.sign }
@@ -75,8 +77,8 @@ pub(super) struct Motion<'s> {
     pub(super) mode: Mode,
     pub(super) layout: Layout,
     /// Contacts, by number.
-    pub(super) parts: Box<[Part]>,
-    pub(super) guards: Box<[Watched]>,
+    pub(super) parts: Box<[ContactInMode]>,
+    pub(super) guards: Box<[ModeGuard]>,
     /// Rigid contacts at rest.
     pub(super) held: Option<Sticking>,
     pub(super) forcing: Forcing,
@@ -103,18 +105,19 @@ impl<'s> Motion<'s> {
     pub fn new(structure: &'s Structure, mode: &Mode) -> Self {
         let part = |j: usize| {
             let (state, acting) = (contact_mode(mode, j), structure.acting(mode, j));
-            Part { state, side: acting.map_or(state.side(), |a| a.side), acting }
+            ContactInMode { state, side: acting.map_or(state.side(), |a| a.side), acting }
         };
-        let parts: Box<[Part]> = (0..structure.contacts.len()).map(part).collect();
+        let parts: Box<[ContactInMode]> = (0..structure.contacts.len()).map(part).collect();
         let guards = (0..parts.len()).flat_map(|contact| {
             let watched = structure.watched(mode, contact).iter();
-            watched.map(move |&(watch, sign)| Watched { id: guard_id(contact, watch), contact, watch, sign })
+            watched.map(move |&(watch, sign)| ModeGuard { id: guard_id(contact, watch), contact, watch, sign })
         });
         let guards: Box<[_]> = guards.collect();
         let (held, forcing) = (Sticking::new(structure, mode), Forcing::new(structure));
-        let is_affine = |p: &Part| matches!(p.force(), None | Some(Force::Linear { .. }));
+        let is_affine = |p: &ContactInMode| matches!(p.force(), None | Some(Force::Linear { .. }));
         let is_linear = structure.n <= LARGEST && parts.iter().all(is_affine);
-        let varies = |p: &Part| matches!(p.force(), Some(Force::Linear { stiffness, .. }) if stiffness.varies());
+        let varies =
+            |p: &ContactInMode| matches!(p.force(), Some(Force::Linear { stiffness, .. }) if stiffness.varies());
         Self {
             structure,
             mode: mode.clone(),
@@ -124,7 +127,7 @@ impl<'s> Motion<'s> {
             growth: Growth::new(structure, &forcing, &parts, held.as_ref()),
             forcing,
             is_linear,
-            is_pressed: parts.iter().any(Part::is_pressed),
+            is_pressed: parts.iter().any(ContactInMode::is_pressed),
             is_varying: parts.iter().any(varies),
             compiled: Compiled::of(structure, &parts, is_linear),
             held,
@@ -138,13 +141,14 @@ impl<'s> Motion<'s> {
 
 impl Motion<'_> {
     /// Iterates over the contacts that carry force.
-    pub fn carrying(&self) -> impl Iterator<Item = Acting> {
+    pub fn carrying(&self) -> impl Iterator<Item = ActiveContact> {
         self.parts.iter().filter_map(|part| part.acting).filter(|acting| acting.is_carried)
     }
 
     /// Returns whether some stiffness rises along a ramp.
     pub fn has_ramp(&self) -> bool {
-        let is_ramp = |p: &Part| matches!(p.force(), Some(Force::Linear { stiffness: Elasticity::Ramp { .. }, .. }));
+        let is_ramp =
+            |p: &ContactInMode| matches!(p.force(), Some(Force::Linear { stiffness: Elasticity::Ramp { .. }, .. }));
         self.parts.iter().any(is_ramp)
     }
 }

@@ -82,14 +82,14 @@ pub(super) struct Drive {
 
 /// Coefficients of F on a piece, and the length of the piece.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Before {
+pub(super) struct EarlierPiece {
     pub f: Values,
     pub h: f64,
 }
 
 /// Start of a piece.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Point {
+pub(super) struct PieceStart {
     pub y: f64,
     pub v: f64,
     /// Bounds on the errors of y, of v and of the time so far.
@@ -215,13 +215,13 @@ impl Law {
     }
 
     /// Returns the longest duration of a piece of length `h`, s, unless it is driven faster than it starts.
-    pub fn lasts(&self, start: &Point, h: f64) -> f64 {
+    pub fn lasts(&self, start: &PieceStart, h: f64) -> f64 {
         LASTING * h * self.most(start.y + h * start.v.max(0.0), 0.0, 0.0)[0]
     }
 
     /// Returns the length of a piece from `start`, such that its rate λ, the root of `−∂f/∂y`, changes little on it and around it.
-    pub fn length(&self, drive: &Drive, start: &Point) -> f64 {
-        let Point { y, v, .. } = *start;
+    pub fn length(&self, drive: &Drive, start: &PieceStart) -> f64 {
+        let PieceStart { y, v, .. } = *start;
         let [p, q] = self.exponent;
         let m = p + q - 2;
         let factor = 1.0 + self.hysteresis * v.max(0.0);
@@ -303,9 +303,9 @@ impl Piece {
         path: P,
         law: &Law,
         drive: &Drive,
-        start: &Point,
+        start: &PieceStart,
         h: f64,
-        before: Option<&Before>,
+        before: Option<&EarlierPiece>,
         scale: f64,
     ) -> Option<Self> {
         let nodes = Nodes::table();
@@ -332,7 +332,7 @@ impl Piece {
 
     /// Bounds y and v: a Chebyshev sum is between its first coefficient minus and plus the sizes of all others.
     #[inline(always)]
-    fn ranges<P: Path>(&mut self, path: P, start: &Point, scale: f64) {
+    fn ranges<P: Path>(&mut self, path: P, start: &PieceStart, scale: f64) {
         let [of_y, of_v] = [(&self.y, total(path, &self.y)), (&self.v, total(path, &self.v))].map(|(a, total)| {
             let around = ROUNDED * total - a[0].abs();
             [a[0] - around, a[0] + around]
@@ -357,7 +357,7 @@ impl Piece {
         path: P,
         nodes: &Nodes,
         (law, drive): (&Law, &Drive),
-        start: &Point,
+        start: &PieceStart,
         rest: &Rest,
         scale: f64,
     ) -> Option<()> {
@@ -461,7 +461,7 @@ struct Sweep<P: Path> {
 
 impl<P: Path> Sweep<P> {
     #[inline(always)]
-    fn new(path: P, start: &Point, h: f64) -> Self {
+    fn new(path: P, start: &PieceStart, h: f64) -> Self {
         let zero = [path.all(0.0); LANES / 4];
         let [y, v] = [[path.all(start.y); LANES / 4], [path.all(start.v); LANES / 4]];
         Self { h, f: zero, w: zero, y, v, t: zero }
@@ -469,7 +469,7 @@ impl<P: Path> Sweep<P> {
 
     /// Iterates until F is f at the nodes, up to rounding. Returns the largest remaining difference.
     #[inline(always)]
-    fn settle(&mut self, path: P, nodes: &Nodes, law: &Law, drive: &Drive, start: &Point) -> Option<f64> {
+    fn settle(&mut self, path: P, nodes: &Nodes, law: &Law, drive: &Drive, start: &PieceStart) -> Option<f64> {
         let series = &drive.series[..drive.len];
         let mut is_timed = drive.len == 1;
         let mut late = LATE * LATE;

@@ -9,10 +9,10 @@ use super::{
     Motion, SMALL_STRETCH,
     guards::ROUNDING,
     nodes,
-    piece::{Before, Drive, Law, POWERS, Piece, Point, lasting},
+    piece::{Drive, EarlierPiece, Law, POWERS, Piece, PieceStart, lasting},
 };
 use crate::{
-    hybrid::{JetRequest, Known, Leap, Passage},
+    hybrid::{GuardValue, JetRequest, Leap, Passage},
     system::{Force, Structure, Watch, Wave, guard_id},
     vectors::Path,
 };
@@ -123,12 +123,12 @@ impl Pressed {
 }
 
 /// Motion under a closed law in progress.
-struct Way {
+struct PressedMotion {
     law: Law,
     /// Longest duration, s. The next field: time elapsed so far, s.
     span: f64,
     time: f64,
-    at: Point,
+    at: PieceStart,
     /// Size of the speed.
     scale: f64,
     /// Largest y and v so far.
@@ -136,7 +136,7 @@ struct Way {
 }
 
 /// End of a leap.
-struct End {
+struct PressedEnd {
     y: f64,
     v: f64,
     /// Time from the start of the leap, s.
@@ -158,8 +158,8 @@ fn solve(mut theta: f64, wanted: f64, value: impl Fn(f64) -> f64, rate: impl Fn(
     None
 }
 
-impl Way {
-    fn new(law: Law, at: Point, span: f64) -> Self {
+impl PressedMotion {
+    fn new(law: Law, at: PieceStart, span: f64) -> Self {
         let n = f64::from(law.exponent[0]) / law.root;
         let stored = 2.0 * law.stiffness / (n + 1.0) * law.penetration(at.y) * law.elastic(at.y);
         let scale = (at.v * at.v + stored).sqrt();
@@ -174,7 +174,7 @@ impl Way {
         pressed: &Pressed,
         drive: &mut Drive,
         phases: &[[f64; 2]],
-        before: Option<&Before>,
+        before: Option<&EarlierPiece>,
     ) -> Option<Piece> {
         let Self { law, at, scale, .. } = self;
         let mut h = law.length(drive, at);
@@ -194,7 +194,7 @@ impl Way {
     }
 
     /// Returns the end of the motion on this piece; `None` if it is not decided.
-    fn end(&self, piece: &Piece) -> Option<End> {
+    fn end(&self, piece: &Piece) -> Option<PressedEnd> {
         let w = |y: f64| self.law.most(y, 0.0, 0.0)[0];
         let y_at = |theta: f64| nodes::value(&piece.y, theta);
         let here = |theta: f64| {
@@ -211,7 +211,7 @@ impl Way {
             let errors = [e_y, e_v, e_t + w(off) * off / -v];
             let width = APART * errors[2];
             if t + width < self.span {
-                return self.known(End { y: 0.0, v, time: t, errors, falls: true, is_bound: false });
+                return self.known(PressedEnd { y: 0.0, v, time: t, errors, falls: true, is_bound: false });
             }
             if t - width < self.span {
                 return None;
@@ -225,11 +225,11 @@ impl Way {
         let t_at = |theta: f64| nodes::value(&piece.t, theta);
         let theta = solve((wanted / piece.end[2]).min(1.0), wanted, t_at, |theta| piece.h * w(y_at(theta)))?;
         let (y, v, _, errors) = here(theta);
-        self.known(End { y, v, time: self.span, errors, falls: false, is_bound: true }).filter(|_| y > 0.0)
+        self.known(PressedEnd { y, v, time: self.span, errors, falls: false, is_bound: true }).filter(|_| y > 0.0)
     }
 
     /// Returns the end if its errors are small.
-    fn known(&self, end: End) -> Option<End> {
+    fn known(&self, end: PressedEnd) -> Option<PressedEnd> {
         let [e_y, e_v, e_t] = end.errors;
         (e_y <= SHARP * self.most[0] && e_v <= SHARP * self.scale && e_t <= SHARP * end.time).then_some(end)
     }
@@ -238,9 +238,9 @@ impl Way {
 impl Pressed {
     /// Advances `way`, the oscillators at `phases`, up to the release or to the bound. Returns `None` if that is not decided.
     #[inline(always)]
-    fn pass<P: Path>(&self, path: P, way: &mut Way, phases: &mut [[f64; 2]]) -> Option<End> {
+    fn pass<P: Path>(&self, path: P, way: &mut PressedMotion, phases: &mut [[f64; 2]]) -> Option<PressedEnd> {
         let mut drive = self.drive();
-        let mut before: Option<Before> = None;
+        let mut before: Option<EarlierPiece> = None;
         for _ in 0..PIECES {
             let piece = way.piece(path, self, &mut drive, phases, before.as_ref())?;
             let [y, v, t] = piece.end;
@@ -249,11 +249,11 @@ impl Pressed {
             }
             self.turn(phases, t);
             way.time += t;
-            way.at = Point { y, v, errors: piece.errors };
-            before = Some(Before { f: piece.f, h: piece.h });
+            way.at = PieceStart { y, v, errors: piece.errors };
+            before = Some(EarlierPiece { f: piece.f, h: piece.h });
         }
-        let Point { y, v, errors } = way.at;
-        way.known(End { y, v, time: way.time, errors, falls: false, is_bound: false })
+        let PieceStart { y, v, errors } = way.at;
+        way.known(PressedEnd { y, v, time: way.time, errors, falls: false, is_bound: false })
     }
 
     /// Advances from `request` to the release, to the bound or as far as pieces reach. Returns `false` if the series have to decide.
@@ -291,7 +291,7 @@ impl Pressed {
         let a =
             self.waves.iter().zip(&phases).fold(self.mean, |a, ([_, c, s], [cosine, sine])| a + c * cosine + s * sine);
         let first = law.acceleration(y, v, a);
-        let mut way = Way::new(law, Point { y, v, errors: [off, 0.0, 0.0] }, request.span);
+        let mut way = PressedMotion::new(law, PieceStart { y, v, errors: [off, 0.0, 0.0] }, request.span);
         let mut turned = phases.clone();
         let Some(end) = self.pass(path, &mut way, &mut turned) else { return false };
         self.turn(&mut phases, end.time);
@@ -321,7 +321,7 @@ impl Pressed {
             let (value, error) = if of_force { (1.0 + chi * v, errors[1]) } else { (p, errors[0]) };
             // Only rigid flanks need the third derivative.
             let derivatives = if of_force { [chi * rates[1], 0.0, 0.0] } else { [rates[0], rates[1], 0.0] };
-            Known { guard: guard_id(0, watch), value, error, terms: value.abs(), derivatives }
+            GuardValue { guard: guard_id(0, watch), value, error, terms: value.abs(), derivatives }
         };
         leap.starts.clear();
         let errors = [ROUNDING * size, ROUNDING * (1.0 + chi * rate_size)];

@@ -16,12 +16,12 @@ use super::{
     column::{Columns, Conversion, largest},
     fold::Fold,
     modulated::{COARSE, MOST_DEGREES, Modulation},
-    motion::Watched,
-    unit::{LANES, Series, Units, rest, rest_of},
+    motion::ModeGuard,
+    unit::{LANES, UnitSeries, Units, rest, rest_of},
 };
 use crate::{
     hybrid::Instant,
-    system::{Acting, Force, Structure, Watch},
+    system::{ActiveContact, Force, Structure, Watch},
     vectors::Path,
 };
 
@@ -97,17 +97,17 @@ impl Input {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Output {
     Deflection(usize),
-    Force(Acting),
+    Force(ActiveContact),
 }
 
 /// Columns of a quantity besides the state, and contribution of a unit of each term to the error of its coefficients.
 #[derive(Debug)]
-pub(super) struct Line {
+pub(super) struct QuantityColumns {
     pub columns: Columns,
     pub errors: Box<[f64]>,
 }
 
-impl Line {
+impl QuantityColumns {
     /// Returns the error of the coefficients for the terms `z`.
     #[inline(always)]
     pub fn error(&self, z: &[f64]) -> f64 {
@@ -150,7 +150,7 @@ pub(super) struct Propagator {
     pub modulation: Option<(f64, u32, usize)>,
     /// Columns of the state.
     pub state: Box<[Component]>,
-    pub rows: Box<[Line]>,
+    pub rows: Box<[QuantityColumns]>,
     /// Row of the deflection of each contact.
     pub deflections: Box<[usize]>,
     /// Row of each guard.
@@ -236,8 +236,8 @@ impl Propagator {
         let deflections: Box<[usize]> = (0..s.contacts.len()).map(row).collect();
         let mut outputs: Vec<Output> = contacts.iter().map(|j| Output::Deflection(*j)).collect();
         let (mut guards, mut firsts) = (Vec::<usize>::new(), Vec::new());
-        for (number, Watched { contact, watch, .. }) in motion.guards.iter().enumerate() {
-            let is_equal = |other: &Watched| other.contact == fold.contacts[*contact] && other.watch == *watch;
+        for (number, ModeGuard { contact, watch, .. }) in motion.guards.iter().enumerate() {
+            let is_equal = |other: &ModeGuard| other.contact == fold.contacts[*contact] && other.watch == *watch;
             let first = motion.guards.iter().position(is_equal).unwrap_or(number);
             firsts.push(first);
             guards.push(match (watch, motion.parts[*contact].acting) {
@@ -270,7 +270,7 @@ impl Propagator {
             Some(modulation) => modulation.fit(motion, span, &inputs, &outputs)?,
         };
         // Series of each input by each wave.
-        let all: Vec<Vec<Series>> = match &modulation {
+        let all: Vec<Vec<UnitSeries>> = match &modulation {
             None => inputs
                 .chunks(LANES)
                 .flat_map(|inputs| {
@@ -286,7 +286,7 @@ impl Propagator {
         let mut rows: Vec<(Vec<_>, Vec<f64>)> = outputs.iter().map(|_| Default::default()).collect();
         for (number, (input, all)) in inputs.into_iter().zip(all).enumerate() {
             let whole = all[0].sizes();
-            if all.iter().all(Series::is_nothing) {
+            if all.iter().all(UnitSeries::is_nothing) {
                 continue;
             }
             let first = kept.len();
@@ -333,7 +333,7 @@ impl Propagator {
             None => Component::Own(Columns::new(&columns, fours)),
         };
         let state = state.into_iter().enumerate().map(place).collect();
-        let line = |(columns, errors): (Vec<_>, Vec<f64>)| Line {
+        let line = |(columns, errors): (Vec<_>, Vec<f64>)| QuantityColumns {
             columns: Columns::new(&columns, fours),
             errors: errors.into(),
         };

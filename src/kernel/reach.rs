@@ -17,7 +17,7 @@ use crate::{
 const GUESSED: f64 = 0.88;
 
 /// Trial of the error of a step of a given length.
-struct Trial<'a> {
+struct ErrorTrial<'a> {
     step: &'a Expansion<'a>,
     clock: &'a StepClock,
     theta: f64,
@@ -26,7 +26,7 @@ struct Trial<'a> {
     out: &'a Jet,
 }
 
-impl Work for Trial<'_> {
+impl Work for ErrorTrial<'_> {
     type Output = (f64, Defect);
 
     #[inline(always)]
@@ -43,7 +43,7 @@ impl Expansion<'_> {
         let room = &*self.motion.room.borrow();
         let largest = self.largest(path, room, out);
         let trial = |theta| {
-            self.s.instructions.run(Trial { step: self, clock, theta, largest: &largest, fours: &room.fours, out })
+            self.s.instructions.run(ErrorTrial { step: self, clock, theta, largest: &largest, fours: &room.fours, out })
         };
         let (mut low, mut high): (Option<(f64, Defect)>, f64) = (None, f64::INFINITY);
         let row = ROW as f64;

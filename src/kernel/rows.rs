@@ -7,7 +7,7 @@ use smallvec::SmallVec;
 
 use crate::{
     gear::contact::PowerLaw,
-    hybrid::{Jet, Power, SAMPLES, Samples, Shown},
+    hybrid::{Jet, Power, SAMPLES, Samples, StepQuantity},
     system::{Elasticity, Force, Spring, Wave},
     vectors::{Path, fused},
 };
@@ -52,28 +52,28 @@ fn sum<const N: usize>(mut series: impl Iterator<Item = [f64; N]>) -> Option<[f6
 impl Motion<'_> {
     /// Adds the terms of a quantity to `out`.
     #[inline(always)]
-    pub(super) fn shown(&self, step: &Jet, what: Shown, out: &mut Vec<f64>) {
+    pub(super) fn shown(&self, step: &Jet, what: StepQuantity, out: &mut Vec<f64>) {
         let mut powers = [1.0; ROW];
         for k in 1..ROW {
             powers[k] = powers[k - 1] * step.reach;
         }
         let rows = Rows { motion: self, step, is_pressed: step.is_estimate, powers };
         let series = match what {
-            Shown::Time if !step.time.is_empty() => {
+            StepQuantity::Time if !step.time.is_empty() => {
                 return out.extend(step.time.iter().zip(&powers).map(|(t, p)| t * p));
             }
-            Shown::Time => return out.extend([0.0, step.span * step.reach]),
-            Shown::State(i) => Some(rows.every(step.dim, &step.state[i..])),
-            Shown::Deflection(j) => {
+            StepQuantity::Time => return out.extend([0.0, step.span * step.reach]),
+            StepQuantity::State(i) => Some(rows.every(step.dim, &step.state[i..])),
+            StepQuantity::Deflection(j) => {
                 let (flank, sense) = self.structure.flank_in(&self.mode, j);
                 Some(scaled(sense, rows.deflection(flank)))
             }
-            Shown::Transmission(j) => Some(rows.transmission(j)),
-            Shown::Force(j) => {
+            StepQuantity::Transmission(j) => Some(rows.transmission(j)),
+            StepQuantity::Force(j) => {
                 let (flank, sense) = self.structure.flank_in(&self.mode, j);
                 rows.force(flank).map(|series| scaled(sense, series))
             }
-            Shown::ByDeflection(j) | Shown::ByRate(j) | Shown::ByLatch(j) => rows.change(j, what),
+            StepQuantity::ByDeflection(j) | StepQuantity::ByRate(j) | StepQuantity::ByLatch(j) => rows.change(j, what),
         };
         series.iter().for_each(|series| out.extend_from_slice(series));
     }
@@ -266,7 +266,7 @@ impl Rows<'_> {
     }
 
     /// Returns the derivative of the force of contact `j` with respect to `what`, times `dt/dθ`; `None` for zero.
-    fn change(&self, j: usize, what: Shown) -> Option<Series> {
+    fn change(&self, j: usize, what: StepQuantity) -> Option<Series> {
         let force = self.force_of(j)?;
         let clock: Series = match !self.step.time.is_empty() {
             true => gather(
@@ -275,17 +275,17 @@ impl Rows<'_> {
             false => gather(std::iter::once(self.step.span * self.step.reach)),
         };
         match (force, what) {
-            (Force::Linear { stiffness: Elasticity::Constant(k), .. }, Shown::ByDeflection(_)) => {
+            (Force::Linear { stiffness: Elasticity::Constant(k), .. }, StepQuantity::ByDeflection(_)) => {
                 Some(scaled(k, clock))
             }
-            (Force::Linear { .. }, Shown::ByDeflection(_)) if self.is_pressed => {
+            (Force::Linear { .. }, StepQuantity::ByDeflection(_)) if self.is_pressed => {
                 Some(times(&clock, &self.work(j, STIFFNESS)))
             }
-            (Force::Linear { .. }, Shown::ByDeflection(_)) => Some(times(&clock, &self.stiffness(j))),
-            (Force::Linear { damping, .. }, Shown::ByRate(_)) => Some(scaled(damping, clock)),
+            (Force::Linear { .. }, StepQuantity::ByDeflection(_)) => Some(times(&clock, &self.stiffness(j))),
+            (Force::Linear { damping, .. }, StepQuantity::ByRate(_)) => Some(scaled(damping, clock)),
             // The contact leaves at this very instant.
             (Force::Power { .. }, _) if !self.is_pressed => None,
-            (Force::Power { law, stiffness, .. }, Shown::ByDeflection(_)) => {
+            (Force::Power { law, stiffness, .. }, StepQuantity::ByDeflection(_)) => {
                 // A force that is left out does not change either.
                 if self.work(j, POWER).iter().all(|c| *c == 0.0) {
                     return None;
@@ -298,7 +298,7 @@ impl Rows<'_> {
                 let chi = force.chi(&self.step.state);
                 let damped = scaled(chi * stiffness, times(&clock, &self.work(j, POWER)));
                 match what {
-                    Shown::ByRate(_) => Some(damped),
+                    StepQuantity::ByRate(_) => Some(damped),
                     _ => Some(scaled(-self.step.state[latch].recip(), times(&damped, &self.work(j, RATE)))),
                 }
             }

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     hybrid::Wide,
-    system::{Acting, Contact, Elasticity, Force, Wave},
+    system::{ActiveContact, Contact, Elasticity, Force, Wave},
     vectors::{Path, Work},
 };
 
@@ -18,12 +18,12 @@ use crate::{
 pub(super) const LANES: usize = 4;
 
 /// Taylor coefficients of the state, and of deflections and forces, from order 1 on, for one unit input.
-pub(super) struct Series {
+pub(super) struct UnitSeries {
     pub state: Vec<Vec<Wide>>,
     pub rows: Vec<Vec<Wide>>,
 }
 
-impl Series {
+impl UnitSeries {
     /// Returns the sum of the sizes of the coefficients of each component and of each row.
     pub fn sizes(&self) -> Vec<f64> {
         let rows = self.state.iter().chain(&self.rows);
@@ -104,7 +104,7 @@ fn wave<P: Path>(path: P, all: &[Wave], waves: &[[Two<P>; 2]]) -> Two<P> {
 fn force<P: Path>(
     path: P,
     c: &Contact,
-    acting: &Acting,
+    acting: &ActiveContact,
     stretch: Two<P>,
     (v, waves): (&[Two<P>], &[[Two<P>; 2]]),
 ) -> Two<P> {
@@ -114,10 +114,10 @@ fn force<P: Path>(
 }
 
 impl Work for Units<'_> {
-    type Output = Vec<Series>;
+    type Output = Vec<UnitSeries>;
 
     #[inline(always)]
-    fn on<P: Path>(self, path: P) -> Vec<Series> {
+    fn on<P: Path>(self, path: P) -> Vec<UnitSeries> {
         let At { mut x, stretches, mut waves } = self.start(path);
         let Self { motion, span, terms, inputs, outputs, .. } = self;
         let s = motion.structure;
@@ -125,7 +125,7 @@ impl Work for Units<'_> {
         let mut all = Vec::with_capacity(inputs.len());
         for _ in inputs {
             let rows = |count: usize| (0..count).map(|_| Vec::with_capacity(terms)).collect();
-            all.push(Series { state: rows(2 * n), rows: rows(outputs.len()) });
+            all.push(UnitSeries { state: rows(2 * n), rows: rows(outputs.len()) });
         }
         let (mut a, mut deflections) = (vec![Two::zero(path); n], vec![Two::zero(path); s.contacts.len()]);
         let size = load_size(&s.load);

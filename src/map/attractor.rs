@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cell::Cell;
 use crate::{
-    orbit::{Drift, Kind, Section, SectionMap, rest::NEUTRAL, unknowns::distance},
+    orbit::{Drift, MotionKind, Section, SectionMap, rest::NEUTRAL, unknowns::distance},
     simulation::SimulationError,
     system::ContactMode,
 };
@@ -20,7 +20,7 @@ const ALIKE: f64 = 0.5;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Attractor {
     /// Kind of the motion.
-    pub kind: Kind,
+    pub kind: MotionKind,
     /// Period, cycles, of an orbit.
     pub period_cycles: Option<u64>,
     /// Word of an orbit.

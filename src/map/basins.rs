@@ -9,19 +9,19 @@ use serde_json::{Map, Value, json};
 
 use super::{
     attractor::Attractor,
-    cell::{Cell, Rule},
+    cell::{Cell, CellRule},
     edges::{Boundary, Figures},
-    plane::{PlaneError, Varied, two_axes, varied},
+    plane::{Coordinate, PlaneError, two_axes, varied},
     walk::Walk,
 };
 use crate::{
     engine::State,
     ensemble::in_order,
-    orbit::{Drift, Kind, SectionMap},
+    orbit::{Drift, MotionKind, SectionMap},
     output::{Fault, Folder, OutputError, csv_line, in_a_line, number},
     scene::Scene,
     simulation::{Simulation, SimulationError},
-    sweep::{Begin, Ending, Grid, GridError, Kept, Records, Rows, Share, SweepError},
+    sweep::{Begin, CommandFiles, Ending, Grid, GridError, Records, Rows, Share, SweepError},
     task::Task,
 };
 
@@ -31,13 +31,13 @@ const REACHED: f64 = 1e-6;
 const SURVEY: usize = 24;
 
 /// End of the motion from one start.
-enum Ended {
+enum StartEnd {
     /// On a known attractor, reached after this number of cycles.
     Known(usize, u64),
     /// On an attractor that the row itself describes, after this number of cycles.
     Own(Box<Attractor>, u64),
     /// On no attractor, with the kind of the motion.
-    Open(Kind, u64),
+    Open(MotionKind, u64),
     Failed(String),
 }
 
@@ -47,16 +47,16 @@ pub struct Basins {
     simulation: Simulation,
     hash: String,
     grid: Grid,
-    varied: [Varied; 2],
+    varied: [Coordinate; 2],
     values: [Vec<f64>; 2],
     q: Vec<f64>,
     v: Vec<f64>,
-    rule: Rule,
+    rule: CellRule,
 }
 
 /// Attractors and measures of all starts.
 #[derive(Clone, Debug)]
-pub struct Found {
+pub struct BasinResult {
     /// Attractors in the order of their numbers.
     pub attractors: Vec<Attractor>,
     /// Counts for the measures, and the starts that a picture shows.
@@ -67,21 +67,21 @@ pub struct Found {
 
 impl Basins {
     /// The files of `flank basins`.
-    pub const FILES: Kept =
-        Kept { command: "basins", files: &["basins.rows", "basins.json", "basins.csv", "attractors.json"] };
+    pub const FILES: CommandFiles =
+        CommandFiles { command: "basins", files: &["basins.rows", "basins.json", "basins.csv", "attractors.json"] };
 
     /// Returns the starts of `scene` over two `axes`, `/initial/q/I` or `/initial/v/I`, I a number or a name of a freedom. The other
     /// coordinates and velocities are those of the scene, and zero if it has none or starts `static` or at `rest`.
     ///
     /// # Errors
     /// [`PlaneError`] for other axes, and for a scene without a forcing period.
-    pub fn new(scene: Scene, axes: &[impl AsRef<str>], rule: Rule) -> Result<Self, PlaneError> {
+    pub fn new(scene: Scene, axes: &[impl AsRef<str>], rule: CellRule) -> Result<Self, PlaneError> {
         let grid = two_axes(axes)?;
         let (hash, is_written) = (scene.hash(), scene.resolved()["initial"].is_object());
         let simulation = Simulation::from_scene(scene)?.in_common_cycles()?;
         let mut faults = Vec::new();
         let freedoms = &simulation.structure.spec().freedoms;
-        let found: Vec<Varied> = grid
+        let found: Vec<Coordinate> = grid
             .axes()
             .iter()
             .filter_map(|axis| varied(&axis.pointer, freedoms).map_err(|fault| faults.push(fault)).ok())
@@ -95,7 +95,7 @@ impl Basins {
         let zeros = vec![0.0; freedoms.len()];
         let (q, v) = if is_written { (simulation.q0.clone(), simulation.v0.clone()) } else { (zeros.clone(), zeros) };
         let values = [0, 1].map(|i| grid.axes()[i].all());
-        let rule = Rule { averages: true, ..rule };
+        let rule = CellRule { averages: true, ..rule };
         Ok(Self { simulation, hash, grid, varied: [first, second], values, q, v, rule })
     }
 
@@ -139,7 +139,7 @@ impl Basins {
         start: usize,
         known: &[Attractor],
         task: Task<'_>,
-    ) -> Result<Option<Ended>, SimulationError> {
+    ) -> Result<Option<StartEnd>, SimulationError> {
         let map = SectionMap::new(&self.simulation)?;
         let drift = map.drift();
         let transient = self.rule.counted(&self.simulation).transient_cycles;
@@ -147,19 +147,19 @@ impl Basins {
         if known.iter().any(|attractor| !attractor.is_family)
             && let Some(reached) = self.reach(walk, start, known, transient, (&map, &drift))?
         {
-            return Ok(Some(Ended::Known(reached.0, reached.1)));
+            return Ok(Some(StartEnd::Known(reached.0, reached.1)));
         }
         let Some(cell) = self.rule.decide(&self.simulation, self.state(start)?, task)? else {
             let reason = "the limit on events is reached".to_owned();
-            return Ok(if task.is_cancelled() { None } else { Some(Ended::Failed(reason)) });
+            return Ok(if task.is_cancelled() { None } else { Some(StartEnd::Failed(reason)) });
         };
         let (kind, cycles) = (cell.motion.kind, cell.motion.cycles);
-        if matches!(kind, Kind::Transient | Kind::Undecided) {
-            return Ok(Some(Ended::Open(kind, cycles)));
+        if matches!(kind, MotionKind::Transient | MotionKind::Undecided) {
+            return Ok(Some(StartEnd::Open(kind, cycles)));
         }
         let own = Attractor::new(&map, cell)?;
         let reached = self.reach(walk, start, std::slice::from_ref(&own), 2 * cycles, (&map, &drift))?;
-        Ok(Some(Ended::Own(Box::new(own), reached.map_or(cycles, |(_, reached)| reached))))
+        Ok(Some(StartEnd::Own(Box::new(own), reached.map_or(cycles, |(_, reached)| reached))))
     }
 
     /// Returns the first of the `known` orbits that a start reaches within some cycles, and the number of these cycles.
@@ -240,7 +240,7 @@ impl Basins {
         let decide = |(): &mut (), i: usize| {
             let own = || -> Result<Option<Attractor>, SimulationError> {
                 let cell = self.rule.decide(&self.simulation, self.state(starts[i])?, task)?;
-                let is_open = |cell: &Cell| matches!(cell.motion.kind, Kind::Transient | Kind::Undecided);
+                let is_open = |cell: &Cell| matches!(cell.motion.kind, MotionKind::Transient | MotionKind::Undecided);
                 let map = SectionMap::new(&self.simulation)?;
                 cell.filter(|cell| !is_open(cell)).map(|cell| Attractor::new(&map, cell)).transpose()
             };
@@ -279,7 +279,7 @@ impl Basins {
         {
             all.resize(all.len().max(number + 1), None);
             let mut walk = Walk::new(&self.simulation)?;
-            if let Some(Ended::Own(own, _)) = self.end(&mut walk, start, survey, task)? {
+            if let Some(StartEnd::Own(own, _)) = self.end(&mut walk, start, survey, task)? {
                 all[number] = Some(*own);
             }
         }
@@ -290,15 +290,15 @@ impl Basins {
             let ended = walk.as_mut().map(|walk| self.end(walk, share.chain(i), survey, task))?;
             match ended {
                 Ok(ended) => ended,
-                Err(error) => Some(Ended::Failed(in_a_line(&error.to_string()))),
+                Err(error) => Some(StartEnd::Failed(in_a_line(&error.to_string()))),
             }
         };
         for missing in rows.missing() {
-            let keep = |i: usize, ended: Ended| {
+            let keep = |i: usize, ended: StartEnd| {
                 let start = share.chain(i);
                 let (attractor, cycles, error) = match ended {
-                    Ended::Known(number, cycles) => (number.to_string(), cycles.to_string(), String::new()),
-                    Ended::Own(own, cycles) => {
+                    StartEnd::Known(number, cycles) => (number.to_string(), cycles.to_string(), String::new()),
+                    StartEnd::Own(own, cycles) => {
                         let is_own = |known: &Option<Attractor>| {
                             known.as_ref().is_some_and(|known| known.is(&map, &drift, &own))
                         };
@@ -310,8 +310,8 @@ impl Basins {
                         });
                         (number.to_string(), cycles.to_string(), String::new())
                     }
-                    Ended::Open(kind, cycles) => (kind.word().to_owned(), cycles.to_string(), String::new()),
-                    Ended::Failed(why) => ("failed".to_owned(), String::new(), why),
+                    StartEnd::Open(kind, cycles) => (kind.word().to_owned(), cycles.to_string(), String::new()),
+                    StartEnd::Failed(why) => ("failed".to_owned(), String::new(), why),
                 };
                 let values = self.values(start).map(number);
                 rows.keep(start, &csv_line(values.into_iter().chain([attractor, cycles, error])))?;
@@ -345,8 +345,8 @@ impl Basins {
         &self,
         mut rows: Records,
         survey: &[Attractor],
-        picture: impl FnOnce(&Found, &mut Folder) -> Result<(), OutputError>,
-    ) -> Result<Found, BasinsError> {
+        picture: impl FnOnce(&BasinResult, &mut Folder) -> Result<(), OutputError>,
+    ) -> Result<BasinResult, BasinsError> {
         let map = SectionMap::new(&self.simulation)?;
         let drift = map.drift();
         let mut attractors = survey.to_vec();
@@ -355,7 +355,7 @@ impl Basins {
         newcomers.sort_by_key(|(_, start)| *start);
         let mut walk = Walk::new(&self.simulation)?;
         for (of_part, start) in newcomers {
-            let Some(Ended::Own(own, _)) = self.end(&mut walk, start, survey, Task::default())? else { continue };
+            let Some(StartEnd::Own(own, _)) = self.end(&mut walk, start, survey, Task::default())? else { continue };
             let known = attractors.iter().position(|known| known.is(&map, &drift, &own));
             numbers.insert(of_part, known.unwrap_or(attractors.len()));
             if known.is_none() {
@@ -377,7 +377,7 @@ impl Basins {
             Ok(())
         })?;
         let figures = boundary.figures();
-        let found = Found { attractors: attractors.clone(), boundary, figures };
+        let found = BasinResult { attractors: attractors.clone(), boundary, figures };
         picture(&found, rows.outputs()).map_err(SweepError::from)?;
         let others = [("attractors.json", format!("{:#}\n", self.report(&found)))];
         rows.table(&self.head(), renumbered, &others, json!(found.figures))?;
@@ -385,7 +385,7 @@ impl Basins {
     }
 
     /// Returns the attractors with their fractions, and the measures.
-    fn report(&self, found: &Found) -> Value {
+    fn report(&self, found: &BasinResult) -> Value {
         let all = found.attractors.iter().enumerate().map(|(number, attractor)| {
             let mut entry = json!(attractor);
             // Data that only identify the attractor.

@@ -3,10 +3,10 @@
 use std::ops::ControlFlow;
 
 use crate::{
-    engine::{Jumped, Observer, State},
+    engine::{JumpRecord, Observer, State},
     hybrid::{ContactView, Mode},
     integrate::DenseStep,
-    orbit::{Approach, Motion, Section, SectionMap, Watching, decide},
+    orbit::{Approach, Motion, Section, SectionMap, WatchTime, decide},
     simulation::{Simulation, SimulationError},
     system::{ContactMode, Structure, guard_of},
     task::Task,
@@ -14,7 +14,7 @@ use crate::{
 
 /// Cycles that the motion of a cell is run until its kind is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Rule {
+pub struct CellRule {
     /// Cycles of the transient. A motion that reaches a stable orbit earlier is not run further: it stays there.
     pub transient_cycles: u64,
     /// Cycles after it that decide on the kind of a motion without an orbit; half of them if it is clear by then.
@@ -24,7 +24,7 @@ pub struct Rule {
     pub averages: bool,
 }
 
-impl Default for Rule {
+impl Default for CellRule {
     fn default() -> Self {
         Self { transient_cycles: 200, further_cycles: 500, averages: false }
     }
@@ -150,7 +150,7 @@ impl Observer for Flanks<'_> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         // An impact takes no time.
         for (j, watch) in jumped.to.struck.iter().map(guard_of) {
             self.met[j][if watch.side() > 0.0 { 1 } else { 2 }] = true;
@@ -158,7 +158,7 @@ impl Observer for Flanks<'_> {
     }
 }
 
-impl Rule {
+impl CellRule {
     /// Returns the rule in cycles of `simulation`: limits are stated in periods of the scene's clock.
     pub(super) fn counted(&self, simulation: &Simulation) -> Self {
         Self {
@@ -202,7 +202,7 @@ impl Rule {
         let approach = Approach { most_cycles: self.transient_cycles, longest_period: LONGEST, ..Approach::default() };
         let Some(approached) = approach.run(&map, &mut engine, &mut (), task)? else { return Ok(None) };
         let mut flanks = Flanks::new(&simulation.structure);
-        let watching = Watching { cycles: self.further_cycles / 2, doublings: 1, is_settled: true };
+        let watching = WatchTime { cycles: self.further_cycles / 2, doublings: 1, is_settled: true };
         let decided = decide(&map, &mut engine, &approached, watching, &mut flanks, task)?;
         let Some((motion, decided)) = decided else { return Ok(None) };
         let orbit = approached.orbit.or(decided);

@@ -17,8 +17,8 @@ use crate::{
     simulation::{Parameter, Simulation, SimulationError},
     study::numbered,
     sweep::{
-        Begin, Cell, Direction, Ending, Grid, GridError, Journal, Kept, Outcome, Plan, Seeding, Share, SweepError,
-        Write, run,
+        Begin, CommandFiles, Ending, Grid, GridError, Journal, Outcome, Plan, RowWork, Seeding, Share, SweepDirection,
+        SweepError, Write, run,
     },
     system::ContactMode,
     task::Task,
@@ -49,7 +49,7 @@ pub struct Seed {
 }
 
 /// Stored rows of a diagram.
-pub type Rows = Journal<Record, Seed>;
+pub type DiagramRows = Journal<Record, Seed>;
 
 /// Most points of a series that a picture shows.
 const MOST_POINTS: usize = 60_000;
@@ -58,20 +58,20 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Points of a picture, thinned out as their number grows.
 #[derive(Clone, Debug)]
-pub(super) struct Thinned {
+pub(super) struct ThinPoints {
     seen: u64,
     share: f64,
     /// Place in the order of removal, tag, point.
     kept: Vec<(f64, u32, [f64; 2])>,
 }
 
-impl Default for Thinned {
+impl Default for ThinPoints {
     fn default() -> Self {
         Self { seen: 0, share: 1.0, kept: Vec::new() }
     }
 }
 
-impl Thinned {
+impl ThinPoints {
     fn push(&mut self, tag: u32, x: f64, y: f64) {
         // Multiples of the golden ratio are spread evenly, and so is every second, third … of them (Weyl 1916). For any period of a motion,
         // points of all its cycles stay.
@@ -117,7 +117,7 @@ pub struct Points {
     /// Number of starts that run side by side.
     pub starts: usize,
     /// Series, each upwards and downwards. Tags of points are starts; tags of closures are the drive flank (0) or the back flank (1).
-    pub(super) shown: [[Thinned; 2]; 5],
+    pub(super) shown: [[ThinPoints; 2]; 5],
 }
 
 impl Points {
@@ -125,10 +125,10 @@ impl Points {
         Self { ends: [f64::INFINITY, f64::NEG_INFINITY], sections: 0, failed: 0, starts, shown: Default::default() }
     }
 
-    fn add(&mut self, value: f64, direction: Direction, start: u32, record: &Record) {
+    fn add(&mut self, value: f64, direction: SweepDirection, start: u32, record: &Record) {
         self.ends = [self.ends[0].min(value), self.ends[1].max(value)];
         self.sections += record.points.len() as u64;
-        let down = usize::from(direction == Direction::Down);
+        let down = usize::from(direction == SweepDirection::Down);
         let mut push = |shown: usize, tag: u32, y: f64| self.shown[shown][down].push(tag, value, y);
         record.points.iter().for_each(|x| push(SECTIONS, start, x[0]));
         for strike in &record.strikes {
@@ -166,7 +166,7 @@ pub struct BranchLine {
 
 impl Diagram {
     /// Files of `flank diagram`.
-    pub const FILES: Kept = Kept {
+    pub const FILES: CommandFiles = CommandFiles {
         command: "diagram",
         files: &["diagram.journal", "diagram.json", "diagram.csv", "impacts.csv", "exponents.csv"],
     };
@@ -268,7 +268,7 @@ impl Diagram {
         last
     }
 
-    fn point(&self, cell: &Cell, seed: Option<&Seed>) -> Result<(Record, Seed), SimulationError> {
+    fn point(&self, cell: &RowWork, seed: Option<&Seed>) -> Result<(Record, Seed), SimulationError> {
         let simulation = self.simulation(cell.values[1])?;
         let map = SectionMap::new(&simulation)?;
         let section = |seed: &Seed| Section { x: seed.x.clone(), contacts: seed.contacts.clone() };
@@ -307,7 +307,7 @@ impl Diagram {
     ///
     /// # Errors
     /// Errors of [`Journal::open`].
-    pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Rows>, SweepError> {
+    pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<DiagramRows>, SweepError> {
         Journal::open_for(Self::FILES, folder, (begin, share), self.header(), &self.plan)
     }
 
@@ -315,7 +315,7 @@ impl Diagram {
     ///
     /// # Errors
     /// Errors of [`Records::merged`](crate::sweep::Records::merged).
-    pub fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Rows, SweepError> {
+    pub fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<DiagramRows, SweepError> {
         Journal::merged(folders, Self::FILES, out, self.header(), &self.plan)
     }
 
@@ -323,8 +323,8 @@ impl Diagram {
     ///
     /// # Errors
     /// [`SweepError`] if a row cannot be stored.
-    pub fn run(&self, rows: &mut Rows, task: Task<'_>) -> Result<Ending, SweepError> {
-        let point = |cell: &Cell, seed: Option<&Seed>| {
+    pub fn run(&self, rows: &mut DiagramRows, task: Task<'_>) -> Result<Ending, SweepError> {
+        let point = |cell: &RowWork, seed: Option<&Seed>| {
             self.point(cell, seed).map_err(|error| format!("{} = {}: {error}", self.pointer(), number(cell.values[1])))
         };
         run(&self.plan, rows, point, task)
@@ -341,7 +341,7 @@ impl Diagram {
     /// [`SweepError::Output`] if a file cannot be read or written.
     pub fn finish(
         &self,
-        mut rows: Rows,
+        mut rows: DiagramRows,
         picture: impl FnOnce(&Points, &mut Folder) -> Result<(), OutputError>,
     ) -> Result<Points, SweepError> {
         let mut points = Points::new(self.sampling.starts);
@@ -464,7 +464,7 @@ mod tests {
 
     #[test]
     fn points_of_all_cycles_stay_where_they_are_thinned() {
-        let (mut points, count) = (Thinned::default(), 7 * MOST_POINTS);
+        let (mut points, count) = (ThinPoints::default(), 7 * MOST_POINTS);
         // A motion of period 8: every second, fourth or eighth point would leave most of it out.
         (0..count).for_each(|i| points.push(0, i as f64, (i % 8) as f64));
         let (x, y): (Vec<f64>, Vec<f64>) = points.points().map(|(_, [x, y])| (x, y)).unzip();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map as Header, Value, json};
 
 use super::{
-    cell::{Cell, Rule},
+    cell::{Cell, CellRule},
     plane::{Plane, PlaneError},
     tally::Tally,
 };
@@ -14,7 +14,7 @@ use crate::{
     output::{Folder, OutputError, csv_line, in_a_line, number},
     scene::Scene,
     study::{Measures, StudyError, measured},
-    sweep::{Begin, Ending, GridError, Kept, Records, Rows, Share, SweepError},
+    sweep::{Begin, CommandFiles, Ending, GridError, Records, Rows, Share, SweepError},
     task::Task,
 };
 
@@ -44,14 +44,14 @@ type Values = Vec<Option<f64>>;
 #[derive(Debug)]
 pub struct KindMap {
     plane: Plane,
-    rule: Rule,
+    rule: CellRule,
     columns: Vec<String>,
     measures: Measures,
 }
 
 impl KindMap {
     /// Files of `flank map`.
-    pub const FILES: Kept = Kept { command: "map", files: &["map.rows", "map.json", "map.csv"] };
+    pub const FILES: CommandFiles = CommandFiles { command: "map", files: &["map.rows", "map.json", "map.csv"] };
 
     /// Returns a map over `axes` of `scene` with further `columns` of contacts, by their names in `sweep.csv` without unit; the share of
     /// time separated if none are given.
@@ -61,7 +61,7 @@ impl KindMap {
     pub fn new(
         scene: Scene,
         axes: &[impl AsRef<str>],
-        rule: Rule,
+        rule: CellRule,
         columns: &[impl AsRef<str>],
     ) -> Result<Self, PlaneError> {
         let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();

@@ -4,14 +4,14 @@
 //! compares both on the same cells.
 
 use super::{
-    cell::{Cell, Impacts, LONGEST, Rule, average},
-    runner::{Closed, Pair, Runner, Stopped, apart},
+    cell::{Cell, CellRule, Impacts, LONGEST, average},
+    runner::{Closed, LaneStop, Pair, Runner, apart},
 };
 use crate::{
     engine::State,
-    kernel::Noted,
+    kernel::LaneRecords,
     orbit::{
-        Kind, Motion, Section,
+        Motion, MotionKind, Section,
         approach::{FIRST, GROWTH, closing, return_distances},
         frame::column,
         kind::{CLOSES, CLOSING, Figures, LONG, still_closing},
@@ -41,7 +41,7 @@ impl Runner<'_> {
     }
 }
 
-impl Rule {
+impl CellRule {
     /// Returns the result of [`decide`](Self::decide) by a lane; `None` if the train or its motion has none.
     pub(super) fn decide_in_lane(
         &self,
@@ -56,7 +56,7 @@ impl Rule {
         let periodic = |runner: &Runner<'_>, orbit: &Closed, cycles: usize| {
             let [larger, _] = orbit.sizes();
             let motion = Motion {
-                kind: Kind::Periodic,
+                kind: MotionKind::Periodic,
                 period: Some(orbit.period as u64),
                 word: Some(runner.word(&orbit.events)),
                 multiplier: Some(larger),
@@ -70,7 +70,7 @@ impl Rule {
             let exponent = Some(libm::log(larger) / time).filter(|exponent| exponent.is_finite());
             runner.cell(motion, orbit.x, orbit.times, exponent, Vec::new())
         };
-        let mut quiet = Noted::default();
+        let mut quiet = LaneRecords::default();
         while (sections.len() as u64) <= self.transient_cycles {
             if runner.cycle(&mut quiet)?.is_err() || task.is_cancelled() {
                 return Ok(None);
@@ -84,21 +84,21 @@ impl Rule {
             match runner.candidate(&mut sections, LONGEST as usize, &mut unstable)? {
                 Ok(Some(orbit)) => return Ok(Some(periodic(&runner, &orbit, sections.len() - 1))),
                 Ok(None) => {}
-                Err(Stopped) => return Ok(None),
+                Err(LaneStop) => return Ok(None),
             }
         }
         let period = simulation.period()?;
-        let mut noted = Noted { columns: Some(column(simulation)), ..Noted::default() };
+        let mut records = LaneRecords { columns: Some(column(simulation)), ..LaneRecords::default() };
         let dropped = sections.len();
         let mut rows = Vec::with_capacity(self.further_cycles as usize);
         let mut figures = None;
         for half in [false, true] {
             while rows.len() as u64 != if half { self.further_cycles } else { self.further_cycles / 2 } {
-                if runner.cycle(&mut noted)?.is_err() || task.is_cancelled() {
+                if runner.cycle(&mut records)?.is_err() || task.is_cancelled() {
                     return Ok(None);
                 }
                 sections.push(runner.x());
-                rows.extend(runner.growth(&mut noted));
+                rows.extend(runner.growth(&mut records));
             }
             let observables = [0, 1].map(|i| sections[dropped..].iter().map(|x| x[i]).collect::<Vec<f64>>());
             let now = Figures::new(&rows, observables.iter().map(Vec::as_slice), period);
@@ -113,14 +113,14 @@ impl Rule {
         let scales = runner.scales(watched);
         let longest = watched.len() / 4;
         let closes = (1..=longest).any(|k| apart(watched[watched.len() - 1 - k], last, scales) <= CLOSES);
-        let times = noted.times;
+        let times = records.times;
         if closes || figures.is_low() {
             unstable.clear();
             for _ in 0..LATER {
                 match runner.candidate(&mut sections, (LONG as usize).max(longest), &mut unstable)? {
                     Ok(Some(orbit)) => return Ok(Some(periodic(&runner, &orbit, sections.len() - 1))),
                     Ok(None) => {}
-                    Err(Stopped) => return Ok(None),
+                    Err(LaneStop) => return Ok(None),
                 }
                 for _ in 0..LONG {
                     if runner.cycle(&mut quiet)?.is_err() {
@@ -135,9 +135,9 @@ impl Rule {
         // With damping areas shrink from cycle to cycle; the area inside a torus of two dimensions does not.
         let shrinks = runner.shrinks();
         let (kind, reason) = if figures.is_regular(period) && !shrinks {
-            (Kind::QuasiPeriodic, None)
+            (MotionKind::QuasiPeriodic, None)
         } else if figures.is_chaotic(period, true) {
-            (Kind::Chaotic, None)
+            (MotionKind::Chaotic, None)
         } else {
             let all: Vec<Section> = sections[dropped..]
                 .iter()
@@ -146,9 +146,9 @@ impl Rule {
             if !figures.parts()
                 && closing(return_distances(&runner.map, &all, LONG as usize, &runner.map.drift())) <= CLOSING
             {
-                (Kind::Transient, Some(still_closing(cycles)))
+                (MotionKind::Transient, Some(still_closing(cycles)))
             } else {
-                (Kind::Undecided, Some(figures.reason(cycles, tried)))
+                (MotionKind::Undecided, Some(figures.reason(cycles, tried)))
             }
         };
         let exponent = Some([figures.exponent, figures.band]).filter(|e| e.iter().all(|e| e.is_finite()));

@@ -18,13 +18,13 @@ mod tally;
 mod walk;
 
 pub use attractor::Attractor;
-pub use basins::{Basins, BasinsError, Found};
-pub use cell::{Cell, Impacts, Rule};
-pub use diagram::{BranchLine, Diagram, Points, Rows, Sampling, Seed};
+pub use basins::{BasinResult, Basins, BasinsError};
+pub use cell::{Cell, CellRule, Impacts};
+pub use diagram::{BranchLine, Diagram, DiagramRows, Points, Sampling, Seed};
 pub use edges::{Boundary, Figures, Fraction, Measured};
 pub use kinds::KindMap;
 pub use picture::{basins_figure, diagram_figure, figure};
 pub use plane::{MOST_CELLS, Plane, PlaneError};
 pub use sweep_figure::sweep_figure;
-pub use tally::{Class, Shown, Tally};
+pub use tally::{Class, PictureCell, Tally};
 pub use walk::{Record, Strike};

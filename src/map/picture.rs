@@ -1,11 +1,11 @@
 //! Pictures of maps, basins and diagrams.
 
 use super::{
-    basins::Found,
+    basins::BasinResult,
     cell::Impacts,
-    diagram::{BANDS, BranchLine, EXPONENTS, PHASES, Points, SECTIONS, SPEEDS, Thinned},
+    diagram::{BANDS, BranchLine, EXPONENTS, PHASES, Points, SECTIONS, SPEEDS, ThinPoints},
     edges::Measured,
-    tally::{Class, Shown, Tally},
+    tally::{Class, PictureCell, Tally},
 };
 use crate::{
     plot::{Axis, Colour, Figure, Guide, Panel, Raster, SEQUENCE, Series, Style},
@@ -97,11 +97,11 @@ impl Side {
 }
 
 /// Position of the shown cells of a grid: the first number to the right, the second one upwards.
-pub(super) struct Place {
+pub(super) struct CellLayout {
     sides: [Side; 2],
 }
 
-impl Place {
+impl CellLayout {
     pub fn new(grid: &Grid, cells: [usize; 2], dimensionless: bool) -> Self {
         Self { sides: [0, 1].map(|i| Side::new(&grid.axes()[i], cells[i], dimensionless)) }
     }
@@ -129,7 +129,7 @@ impl Place {
 /// Draws a map of `name` over `grid`; `measure` is the title of its last panel.
 #[must_use]
 pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, dimensionless: bool) -> Figure {
-    let place = Place::new(grid, tally.size(), dimensionless);
+    let place = CellLayout::new(grid, tally.size(), dimensionless);
     let unit = if dimensionless { "" } else { ", 1/s" };
     let shown = tally.shown();
     let panel = |title: &str, raster: Raster| place.panel(title, raster);
@@ -193,9 +193,9 @@ const LONGEST: usize = 23;
 
 /// Draws the basins of `name` over `grid`: the end of each start, and the number of cycles to it.
 #[must_use]
-pub fn basins_figure(name: &str, grid: &Grid, found: &Found, dimensionless: bool) -> Figure {
-    let Found { attractors, boundary, figures } = found;
-    let place = Place::new(grid, boundary.size(), dimensionless);
+pub fn basins_figure(name: &str, grid: &Grid, found: &BasinResult, dimensionless: bool) -> Figure {
+    let BasinResult { attractors, boundary, figures } = found;
+    let place = CellLayout::new(grid, boundary.size(), dimensionless);
     let (shown, count) = (boundary.shown(), attractors.len());
     let panel = |title: &str, raster: Raster| place.panel(title, raster);
     // Attractors beyond the last colour share it.
@@ -259,7 +259,7 @@ const MARGIN: f64 = 0.04;
 const MOST_STARTS: usize = 6;
 
 /// Returns the points by their tags: closures by flank, others by start.
-fn tagged(points: &Thinned, shown: usize, starts: usize) -> Vec<Series> {
+fn tagged(points: &ThinPoints, shown: usize, starts: usize) -> Vec<Series> {
     let is_struck = shown == PHASES || shown == SPEEDS;
     let count = if is_struck {
         2
@@ -346,7 +346,7 @@ pub fn diagram_figure(
 }
 
 /// Returns exponents in classes: four equal parts down to the least and up to the largest but one in fifty.
-fn exponents(place: &Place, shown: &[Shown]) -> Raster {
+fn exponents(place: &CellLayout, shown: &[PictureCell]) -> Raster {
     let reach = |sign: f64| {
         let mut sizes: Vec<f64> =
             shown.iter().filter_map(|cell| cell.exponent).map(|e| sign * e).filter(|e| *e > 0.0).collect();
@@ -386,7 +386,7 @@ fn exponents(place: &Place, shown: &[Shown]) -> Raster {
 }
 
 /// Returns a measure in eight equal parts from its least to its largest value; zero apart.
-pub(super) fn measures(place: &Place, shown: &[Option<f64>]) -> Raster {
+pub(super) fn measures(place: &CellLayout, shown: &[Option<f64>]) -> Raster {
     let values = || shown.iter().copied().flatten();
     let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     let (has_zero, low, high) = (low == 0.0, low, if high > low { high } else { low + 1.0 });

@@ -69,13 +69,13 @@ fn outside(scene: &Scene, number: &Parameter, value: f64) -> Option<Fault> {
 
 /// Coordinate or velocity that is varied.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Varied {
+pub(super) struct Coordinate {
     pub is_velocity: bool,
     pub freedom: usize,
 }
 
 /// Reads `/initial/q/I` or `/initial/v/I`, with a number or a name of a freedom.
-pub(super) fn varied(pointer: &str, freedoms: &[String]) -> Result<Varied, Fault> {
+pub(super) fn varied(pointer: &str, freedoms: &[String]) -> Result<Coordinate, Fault> {
     let fault = |found: &str| {
         let allowed = format!("/initial/q/I or /initial/v/I, with I from 0 to {}", freedoms.len() - 1);
         Fault::new(pointer, found, allowed).remedy("flank map varies other numbers")
@@ -89,7 +89,7 @@ pub(super) fn varied(pointer: &str, freedoms: &[String]) -> Result<Varied, Fault
     };
     let by_name = freedoms.iter().position(|freedom| freedom == name);
     let freedom = by_name.or_else(|| name.parse().ok().filter(|i: &usize| *i < freedoms.len()));
-    Ok(Varied { is_velocity, freedom: freedom.ok_or_else(|| fault("a freedom that the train does not have"))? })
+    Ok(Coordinate { is_velocity, freedom: freedom.ok_or_else(|| fault("a freedom that the train does not have"))? })
 }
 
 /// Scene over two of its numbers.

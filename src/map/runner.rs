@@ -3,11 +3,11 @@
 use std::ops::ControlFlow;
 
 use crate::{
-    engine::{Engine, Jumped, Observer, Outcome, State},
+    engine::{Engine, JumpRecord, Observer, Outcome, State},
     gear::contact::Law,
     hybrid::{Mode, Watch},
     integrate::DenseStep,
-    kernel::{Lane, Noted, Passed},
+    kernel::{Lane, LaneEvent, LaneRecords},
     orbit::{
         Section, SectionMap,
         approach::{BESIDE, CONTRACTS, DOUBLINGS, FOLLOWED, NEAR, PATIENCE},
@@ -44,7 +44,7 @@ pub(super) struct Closed {
     pub period: usize,
     /// Derivative over the period, in scales.
     derivative: Square,
-    pub events: Vec<Passed>,
+    pub events: Vec<LaneEvent>,
     pub times: [f64; 5],
     pub residual: f64,
     scales: Pair,
@@ -87,21 +87,21 @@ impl Closed {
 }
 
 /// Observer of the engine where a lane has stopped.
-struct Noting<'a, 's> {
+struct RunnerObserver<'a, 's> {
     structure: &'s Structure,
-    noted: &'a mut Noted,
+    records: &'a mut LaneRecords,
     tangent: Option<Tangent<'s>>,
     /// True if a contact has come to rest.
     rests: bool,
 }
 
-impl Noting<'_, '_> {
+impl RunnerObserver<'_, '_> {
     fn add(&mut self, mode: &Mode, time: f64) {
-        self.noted.times[contact_mode(mode, 0) as usize] += time;
+        self.records.times[contact_mode(mode, 0) as usize] += time;
     }
 }
 
-impl Observer for Noting<'_, '_> {
+impl Observer for RunnerObserver<'_, '_> {
     fn wants_steps(&self, mode: &Mode) -> bool {
         self.tangent.as_ref().is_some_and(|tangent| tangent.wants_steps(mode))
     }
@@ -120,18 +120,18 @@ impl Observer for Noting<'_, '_> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         let [was, is] = [jumped.from, jumped.to].map(|jump| contact_mode(&jump.mode, 0));
         self.rests |= jumped.settles || (is != ContactMode::Separated && !jumped.to.struck.is_empty());
         let rate = self.structure.deflection(0, jumped.at, jumped.x_minus).1;
         let watch = jumped.fired.iter().next().map_or(Watch::Force, |id| guard_of(id).1);
         if let Some(strikes) =
-            self.noted.strikes.as_mut().filter(|_| was == ContactMode::Separated && watch.side() != 0.0)
+            self.records.strikes.as_mut().filter(|_| was == ContactMode::Separated && watch.side() != 0.0)
         {
             strikes.push([jumped.at.phase.value(), rate, watch.side()]);
         }
-        if let Some(events) = &mut self.noted.events {
-            events.push(Passed { was: was as u8, is: is as u8, watch: watch as u8 });
+        if let Some(events) = &mut self.records.events {
+            events.push(LaneEvent { was: was as u8, is: is as u8, watch: watch as u8 });
         }
         if let Some(tangent) = &mut self.tangent {
             tangent.jump(jumped);
@@ -148,7 +148,7 @@ pub(super) struct Runner<'s> {
 }
 
 /// Stop of a lane: a contact has come to rest, or the limit on events is reached.
-pub(super) struct Stopped;
+pub(super) struct LaneStop;
 
 impl<'s> Runner<'s> {
     /// Returns a runner for motions of `simulation` from starts at phase 0; `None` if a lane cannot run its train.
@@ -184,14 +184,14 @@ impl<'s> Runner<'s> {
     }
 
     /// Runs one cycle. The inner error if the lane stops.
-    pub fn cycle(&mut self, noted: &mut Noted) -> Result<Result<(), Stopped>, SimulationError> {
-        if self.lane.cycle(noted) {
+    pub fn cycle(&mut self, records: &mut LaneRecords) -> Result<Result<(), LaneStop>, SimulationError> {
+        if self.lane.cycle(records) {
             return Ok(Ok(()));
         }
         let structure = &self.simulation.structure;
         let state = State { at: self.lane.at(), x: self.lane.x().to_vec(), jump: self.lane.jump() };
         let end = structure.clock().at(state.at.cycle + 1, 0.0);
-        let tangent = noted.columns.take().map(|columns| Tangent::of(structure, columns));
+        let tangent = records.columns.take().map(|columns| Tangent::of(structure, columns));
         let engine = match &mut self.engine {
             Some(engine) => {
                 engine.restart(self.simulation.integrator()?.0, state);
@@ -199,22 +199,22 @@ impl<'s> Runner<'s> {
             }
             none => none.insert(self.simulation.engine(state)?),
         };
-        let mut noting = Noting { structure, noted, tangent, rests: false };
-        let outcome = engine.run(end, &mut noting)?;
-        let Noting { tangent, rests, .. } = noting;
+        let mut observer = RunnerObserver { structure, records, tangent, rests: false };
+        let outcome = engine.run(end, &mut observer)?;
+        let RunnerObserver { tangent, rests, .. } = observer;
         let is_resolved = tangent.as_ref().is_none_or(|tangent| !tangent.is_unresolved);
-        noted.columns = tangent.map(|tangent| tangent.columns);
+        records.columns = tangent.map(|tangent| tangent.columns);
         if outcome != Outcome::ReachedEnd || rests || !is_resolved {
-            return Ok(Err(Stopped));
+            return Ok(Err(LaneStop));
         }
         let State { at, x, jump } = engine.state();
         self.lane.place(*at, [x[0], x[1]], jump);
         Ok(Ok(()))
     }
 
-    /// Returns the logarithm by which the noted column has grown, as a row of exponents, and scales the column to length one.
-    pub fn growth(&self, noted: &mut Noted) -> Option<[f64; 1]> {
-        let values = &mut noted.columns.as_mut()?.values;
+    /// Returns the logarithm by which the recorded column has grown, as a row of exponents, and scales the column to length one.
+    pub fn growth(&self, records: &mut LaneRecords) -> Option<[f64; 1]> {
+        let values = &mut records.columns.as_mut()?.values;
         let norm = libm::hypot(values[0], values[1] / rate_scale(self.simulation));
         values.iter_mut().for_each(|value| *value /= norm);
         Some([libm::log(norm)])
@@ -228,7 +228,7 @@ impl<'s> Runner<'s> {
     }
 
     /// Starts at a section; returns whether this succeeds.
-    fn stand(&mut self, x: Pair) -> bool {
+    fn place(&mut self, x: Pair) -> bool {
         match self.map.state(&self.section(x)) {
             Ok(state) => {
                 self.lane.place(state.at, [state.x[0], state.x[1]], &state.jump);
@@ -240,22 +240,23 @@ impl<'s> Runner<'s> {
 
     /// Returns the section after `period` cycles from `x`, with its derivative in scales.
     fn image(&mut self, x: Pair, period: usize, scales: Pair) -> Result<Option<(Closed, Vec<Pair>)>, SimulationError> {
-        if !self.stand(x) {
+        if !self.place(x) {
             return Ok(None);
         }
-        let mut noted = Noted { columns: Some(Columns::unit(2)), events: Some(Vec::new()), ..Noted::default() };
+        let mut records =
+            LaneRecords { columns: Some(Columns::unit(2)), events: Some(Vec::new()), ..LaneRecords::default() };
         let mut between = Vec::with_capacity(period);
         for _ in 0..period {
-            if self.cycle(&mut noted)?.is_err() {
+            if self.cycle(&mut records)?.is_err() {
                 return Ok(None);
             }
             between.push(self.lane.x());
         }
-        let values = noted.columns.map_or_else(Vec::new, |columns| columns.values);
+        let values = records.columns.map_or_else(Vec::new, |columns| columns.values);
         let entry = |i: usize, j: usize| values[2 * i + j] * scales[j] / scales[i];
         let derivative = [[entry(0, 0), entry(0, 1)], [entry(1, 0), entry(1, 1)]];
         let residual = apart(x, self.lane.x(), scales);
-        let (events, times) = (noted.events.unwrap_or_default(), noted.times);
+        let (events, times) = (records.events.unwrap_or_default(), records.times);
         Ok(Some((Closed { x, period, derivative, events, times, residual, scales }, between)))
     }
 
@@ -306,7 +307,7 @@ impl<'s> Runner<'s> {
         sections: &mut Vec<Pair>,
         longest: usize,
         unstable: &mut Vec<Pair>,
-    ) -> Result<Result<Option<Closed>, Stopped>, SimulationError> {
+    ) -> Result<Result<Option<Closed>, LaneStop>, SimulationError> {
         let kept = sections.len().min(101);
         let scales = self.scales(&sections[sections.len() - kept..]);
         let last = sections.len() - 1;
@@ -346,15 +347,15 @@ impl<'s> Runner<'s> {
         word.sort_unstable();
         let mut before = orbit.off(&attraction, here);
         for _ in 0..FOLLOWED {
-            let mut noted = Noted { events: Some(Vec::new()), ..Noted::default() };
+            let mut records = LaneRecords { events: Some(Vec::new()), ..LaneRecords::default() };
             for _ in 0..orbit.period {
-                if self.cycle(&mut noted)?.is_err() {
-                    return Ok(Err(Stopped));
+                if self.cycle(&mut records)?.is_err() {
+                    return Ok(Err(LaneStop));
                 }
                 sections.push(self.lane.x());
             }
             let now = orbit.off(&attraction, self.lane.x());
-            let mut events = noted.events.unwrap_or_default();
+            let mut events = records.events.unwrap_or_default();
             events.sort_unstable();
             let is_there = now[1].sqrt() <= 1e-9;
             if events != word || !(is_there || now[0] <= before[0] - CONTRACTS * before[1]) {
@@ -366,8 +367,8 @@ impl<'s> Runner<'s> {
     }
 
     /// Returns the word of some events in normal form.
-    pub fn word(&self, events: &[Passed]) -> String {
-        let token = |passed: &Passed| {
+    pub fn word(&self, events: &[LaneEvent]) -> String {
+        let token = |passed: &LaneEvent| {
             let (was, is, watch) = passed.parts();
             words::token(0, was, is, false).unwrap_or_else(|| words::spelled('i', 0, watch.side()))
         };

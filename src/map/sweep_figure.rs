@@ -1,30 +1,35 @@
 //! Picture of a sweep over one number or two.
 
-use super::picture::{Place, look, measures};
+use super::picture::{CellLayout, look, measures};
 use crate::{
-    orbit::{Kind, Motion},
+    orbit::{Motion, MotionKind},
     plot::{Axis, Figure, Panel, Series, Style},
-    study::{Shown, SweepRow},
-    sweep::{Direction, Plan},
+    study::{ContactMeasures, SweepRow},
+    sweep::{Plan, SweepDirection},
 };
 
 /// Most families of contacts drawn over one number, and over two.
 const MOST: [usize; 2] = [4, 2];
 /// Kinds and their colours: those of a map, as far as curves have them.
-const KINDS: [(Kind, usize); 5] =
-    [(Kind::Periodic, 0), (Kind::QuasiPeriodic, 3), (Kind::Chaotic, 4), (Kind::Transient, 1), (Kind::Undecided, 6)];
+const KINDS: [(MotionKind, usize); 5] = [
+    (MotionKind::Periodic, 0),
+    (MotionKind::QuasiPeriodic, 3),
+    (MotionKind::Chaotic, 4),
+    (MotionKind::Transient, 1),
+    (MotionKind::Undecided, 6),
+];
 /// Factor over the steps beside it, and share of the range, above which a step between neighbours is a jump.
 const JUMP: (f64, f64) = (4.0, 0.01);
 
 /// Measure of a contact, with one or two values.
-type Measure = fn(&Shown) -> [Option<f64>; 2];
+type ContactMeasure = fn(&ContactMeasures) -> [Option<f64>; 2];
 
 /// Draws the `rows` of a sweep of `name`; none without rows.
 #[must_use]
 pub fn sweep_figure(name: &str, plan: &Plan, rows: &[SweepRow], dimensionless: bool) -> Option<Figure> {
     let longest = rows.iter().max_by_key(|row| row.contacts.len())?;
     let families: Vec<&str> = longest.contacts.iter().map(|(name, _)| name.as_str()).collect();
-    let count = |kind: &Kind| rows.iter().filter(|row| row.motion.kind == *kind).count();
+    let count = |kind: &MotionKind| rows.iter().filter(|row| row.motion.kind == *kind).count();
     let counts = KINDS.iter().map(|(kind, _)| (count(kind), kind)).filter(|(count, _)| *count > 0);
     let counts = counts.map(|(count, kind)| format!("{count} {}", kind.word()));
     let counts = counts.collect::<Vec<_>>().join(", ");
@@ -57,7 +62,7 @@ fn runs<'r>(way: &[(f64, &'r SweepRow)], family: &str) -> Vec<Vec<(f64, &'r Swee
         |one: &Motion, other: &Motion| one.period.is_some() && one.period == other.period && one.word == other.word;
     let values = |row: &SweepRow| {
         let shown = row.contacts.iter().find(|(name, _)| name == family).map(|(_, shown)| shown);
-        let of = |value: fn(&Shown) -> Option<f64>| shown.and_then(value).unwrap_or(0.0);
+        let of = |value: fn(&ContactMeasures) -> Option<f64>| shown.and_then(value).unwrap_or(0.0);
         [of(|s| Some(s.apart)), of(|s| s.force), of(|s| s.deflection[0]), of(|s| s.deflection[1])]
     };
     let all: Vec<[f64; 4]> = way.iter().map(|(_, row)| values(row)).collect();
@@ -86,13 +91,13 @@ fn runs<'r>(way: &[(f64, &'r SweepRow)], family: &str) -> Vec<Vec<(f64, &'r Swee
 fn line(plan: &Plan, rows: &[SweepRow], family: &str, dimensionless: bool) -> [Panel; 3] {
     let unit = |unit: &'static str| if dimensionless { "" } else { unit };
     let axis = &plan.grid().axes()[0];
-    let panel = |label: &str, unit: &str, measure: Measure| {
+    let panel = |label: &str, unit: &str, measure: ContactMeasure| {
         let mut series: Vec<Series> = Vec::new();
         for down in [false, true] {
             let mut way: Vec<(f64, &SweepRow)> = rows
                 .iter()
                 .map(|row| (plan.cell(row.row), row))
-                .filter(|(cell, _)| (cell.direction == Direction::Down) == down)
+                .filter(|(cell, _)| (cell.direction == SweepDirection::Down) == down)
                 .map(|(cell, row)| (cell.values[0], row))
                 .collect();
             way.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -131,7 +136,7 @@ fn line(plan: &Plan, rows: &[SweepRow], family: &str, dimensionless: bool) -> [P
 /// Draws panels over both numbers, for each direction: the kinds of motion, and measures of the first families.
 fn plane(plan: &Plan, rows: &[SweepRow], families: &[&str], dimensionless: bool) -> Vec<Panel> {
     let axes = plan.grid().axes();
-    let place = Place::new(plan.grid(), [axes[0].count(), axes[1].count()], dimensionless);
+    let place = CellLayout::new(plan.grid(), [axes[0].count(), axes[1].count()], dimensionless);
     let unit = |unit: &str| if dimensionless { String::new() } else { format!(" [{unit}]") };
     let points = axes[0].count() * axes[1].count();
     let ways = plan.rows() / points;
@@ -140,9 +145,9 @@ fn plane(plan: &Plan, rows: &[SweepRow], families: &[&str], dimensionless: bool)
         let mut of_point: Vec<Option<&SweepRow>> = vec![None; points];
         rows.iter().filter(|row| row.row % ways == way).for_each(|row| of_point[row.row / ways] = Some(row));
         let said = match plan.cell(way).direction {
-            Direction::Fresh => "",
-            Direction::Up => ", on the way up",
-            Direction::Down => ", on the way down",
+            SweepDirection::Fresh => "",
+            SweepDirection::Up => ", on the way up",
+            SweepDirection::Down => ", on the way down",
         };
         let mut looks = Vec::new();
         let class = |row: &Option<&SweepRow>| match row {
@@ -161,7 +166,7 @@ fn plane(plan: &Plan, rows: &[SweepRow], families: &[&str], dimensionless: bool)
         let classes = looks.iter().map(|(_, name, colour)| (name.clone(), *colour)).collect();
         panels.push(place.panel(&format!("kind of motion{said}"), place.raster(number, classes)));
         for family in families.iter().take(MOST[1]) {
-            let values = |measure: fn(&Shown) -> Option<f64>| -> Vec<Option<f64>> {
+            let values = |measure: fn(&ContactMeasures) -> Option<f64>| -> Vec<Option<f64>> {
                 let of = |row: &Option<&SweepRow>| {
                     row.and_then(|row| measure(&row.contacts.iter().find(|(name, _)| name == family)?.1))
                 };

@@ -19,7 +19,7 @@ pub type Class = (String, Option<u64>);
 
 /// One cell in the picture.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shown {
+pub struct PictureCell {
     /// Index of its class.
     pub class: usize,
     /// Largest exponent, 1/s.
@@ -46,7 +46,7 @@ pub struct Tally {
     /// Numbers of cells by the flanks that are struck, then of unknown ones.
     impacts: [u64; 4],
     /// Cells shown, the second axis fastest.
-    shown: Vec<Shown>,
+    shown: Vec<PictureCell>,
 }
 
 impl Tally {
@@ -70,7 +70,7 @@ impl Tally {
         if at[0].is_multiple_of(self.steps[0]) && at[1].is_multiple_of(self.steps[1]) {
             let value = |i: usize| field(i).parse::<f64>().ok();
             let measure = self.measures.iter().filter_map(|i| value(*i)).reduce(f64::max);
-            self.shown.push(Shown { class: *number, exponent: value(5), measure, impacts });
+            self.shown.push(PictureCell { class: *number, exponent: value(5), measure, impacts });
         }
         self.seen += 1;
     }
@@ -83,7 +83,7 @@ impl Tally {
 
     /// Returns the shown cells, the second axis fastest.
     #[must_use]
-    pub fn shown(&self) -> &[Shown] {
+    pub fn shown(&self) -> &[PictureCell] {
         &self.shown
     }
 

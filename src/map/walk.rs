@@ -6,12 +6,12 @@ use super::runner::Runner;
 use crate::{
     engine::{Engine, Outcome, State},
     hybrid::{ContactView, Mode},
-    kernel::Noted,
+    kernel::LaneRecords,
     orbit::{
         SectionMap,
         averages::means,
         frame::{Frame, column},
-        words::{Speller, is_gained},
+        words::{WordObserver, is_gained},
     },
     simulation::{Simulation, SimulationError},
     system::ContactMode,
@@ -75,7 +75,7 @@ impl<'s> Walk<'s> {
     /// Runs one cycle; returns `false` if the limit on events is reached.
     pub fn cycle(&mut self) -> Result<bool, SimulationError> {
         if let Some(runner) = &mut self.runner {
-            let goes_on = runner.cycle(&mut Noted::default())?.is_ok();
+            let goes_on = runner.cycle(&mut LaneRecords::default())?.is_ok();
             self.x.copy_from_slice(&runner.x());
             return Ok(goes_on);
         }
@@ -91,18 +91,19 @@ impl<'s> Walk<'s> {
         let (simulation, mut record, mut rows) = (self.simulation, Record::default(), Vec::new());
         let (clock, period) = (simulation.clock(), simulation.period()?);
         if let Some(runner) = &mut self.runner {
-            let mut noted = Noted { columns: Some(column(simulation)), strikes: Some(Vec::new()), ..Noted::default() };
+            let mut records =
+                LaneRecords { columns: Some(column(simulation)), strikes: Some(Vec::new()), ..LaneRecords::default() };
             for cycle in 0..cycles {
-                if runner.cycle(&mut noted)?.is_err() {
+                if runner.cycle(&mut records)?.is_err() {
                     return Ok(None);
                 }
                 record.points.push(runner.x().to_vec());
-                let strikes = noted.strikes.iter_mut().flat_map(|strikes| strikes.drain(..));
+                let strikes = records.strikes.iter_mut().flat_map(|strikes| strikes.drain(..));
                 record.strikes.extend(strikes.map(|[time, rate, side]| {
                     let (phase, speed) = (time / period, side * rate);
                     Strike { cycle, contact: 0, side, phase, speed }
                 }));
-                rows.extend(runner.growth(&mut noted).map(Vec::from));
+                rows.extend(runner.growth(&mut records).map(Vec::from));
             }
             self.x.copy_from_slice(&runner.x());
         } else {
@@ -110,7 +111,7 @@ impl<'s> Walk<'s> {
             let (drift, structure) = (SectionMap::new(simulation)?.drift(), &simulation.structure);
             let mut frame = Frame::single(simulation, &drift);
             frame.start(engine.state());
-            let mut speller = Speller::new(structure, &engine.state().x);
+            let mut speller = WordObserver::new(structure, &engine.state().x);
             for cycle in 0..cycles {
                 let end = clock.at(engine.state().at.cycle + 1, 0.0);
                 if engine.run(end, &mut (&mut frame, &mut speller))? != Outcome::ReachedEnd {

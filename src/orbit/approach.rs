@@ -10,7 +10,7 @@ use super::{
     newton::Options,
     section::Section,
     unknowns::{Unknowns, distance},
-    words::{Speller, sorted},
+    words::{WordObserver, sorted},
 };
 use crate::{
     engine::{Engine, Observer, Outcome},
@@ -37,7 +37,7 @@ impl Default for Approach {
 
 /// Result of a run towards an orbit.
 #[derive(Debug, Default)]
-pub struct Approached {
+pub struct ApproachEnd {
     /// Stable orbit that the run approaches, if one was found.
     pub orbit: Option<Orbit>,
     /// Cycles run.
@@ -141,7 +141,7 @@ impl Approach {
         engine: &mut Engine<'_>,
         observer: &mut dyn Observer,
         task: Task<'_>,
-    ) -> Result<Option<Approached>, SimulationError> {
+    ) -> Result<Option<ApproachEnd>, SimulationError> {
         let (drift, clock) = (map.drift(), map.simulation().clock());
         let start = engine.state().at;
         if clock.between(clock.at(start.cycle, 0.0), start) > 0.0 {
@@ -178,7 +178,7 @@ impl Approach {
                 cycles += (sections.len() - before) as u64;
                 if approaches {
                     let distance = orbit.residual;
-                    return Ok(Some(Approached { orbit: Some(orbit), cycles, distance, closing: 1.0, reason: None }));
+                    return Ok(Some(ApproachEnd { orbit: Some(orbit), cycles, distance, closing: 1.0, reason: None }));
                 }
                 reason = Some(
                     "the motion does not come nearer to the orbit that was found as its multipliers say".to_owned(),
@@ -192,7 +192,7 @@ impl Approach {
         let distance =
             before.map_or(f64::INFINITY, |before| distance(map, &sections[last], &sections[before], &scales, &drift));
         let closing = closing(return_distances(map, sections, self.longest_period as usize, &drift));
-        Ok(Some(Approached { orbit: None, cycles, distance, closing, reason }))
+        Ok(Some(ApproachEnd { orbit: None, cycles, distance, closing, reason }))
     }
 
     /// Returns a stable orbit near the last of `sections`, from Newton's method.
@@ -253,7 +253,7 @@ impl Approach {
         let word = sorted(&orbit.image.word);
         let mut before = attraction.of(&engine.state().x);
         for _ in 0..FOLLOWED {
-            let mut speller = Speller::new(structure, &engine.state().x);
+            let mut speller = WordObserver::new(structure, &engine.state().x);
             for _ in 0..orbit.period {
                 let at = clock.at(engine.state().at.cycle + 1, 0.0);
                 if engine.run(at, &mut (&mut *observer, &mut speller))? != Outcome::ReachedEnd || task.is_cancelled() {

@@ -6,15 +6,15 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{
     Corner, Tangent,
-    words::{Speller, letters},
+    words::{WordObserver, letters},
 };
 use crate::{
-    engine::{Jumped, Observer, Outcome, State},
+    engine::{JumpRecord, Observer, Outcome, State},
     event::EventRecord,
     hybrid::{GuardId, Mode, VectorField, Watch},
     integrate::DenseStep,
     simulation::{Simulation, SimulationError},
-    system::{By, Structure, Variation},
+    system::{Evaluation, Structure, Variation},
 };
 
 /// Kinds of tokens whose event is a touch or loss of a flank, and those whose event is a zero of the force.
@@ -148,7 +148,7 @@ impl<'a> GuardMap<'a> {
         let end = clock.advance(start.at, clock.between(from, to));
         let mut tangent = Tangent::new(structure).with(variations);
         tangent.start(&start);
-        let speller = Speller::new(structure, &start.x);
+        let speller = WordObserver::new(structure, &start.x);
         let mut watcher = Watcher { map: self, structure, variations, tangent, speller, met: None };
         let mut engine = simulation.engine(start)?;
         if engine.run(end, &mut watcher)? == Outcome::EventBudgetSpent {
@@ -180,7 +180,7 @@ struct Watcher<'b> {
     structure: &'b Structure,
     variations: &'b [Variation],
     tangent: Tangent<'b>,
-    speller: Speller<'b>,
+    speller: WordObserver<'b>,
     /// After the event: how much earlier neighbours reach it, by the start and by numbers, if known.
     met: Option<Option<[Vec<f64>; 2]>>,
 }
@@ -202,10 +202,10 @@ impl Observer for Watcher<'_> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         if self.met.is_none() && letters(self.structure, jumped).any(|(_, token)| token == self.map.token) {
             let earlier = |variations, columns| {
-                let by = By { variations, at: jumped.at, x: jumped.x_minus };
+                let by = Evaluation { variations, at: jumped.at, x: jumped.x_minus };
                 self.structure.earlier(&jumped.from.mode, self.map.guard, by, columns)
             };
             // Events from a switch or another contact's impact occur at their times, not at that of this guard.

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::{
     Drift, Section, SectionMap,
     averages::{Averages, BLOCKS},
-    frame::{Frame, Held, rate_scale},
-    words::{Sequence, Speller, Statistics},
+    frame::{Frame, FrameState, rate_scale},
+    words::{Sequence, Statistics, WordObserver},
 };
 use crate::{
     engine::{Engine, State},
@@ -114,10 +114,10 @@ pub struct Averaging {
     /// Cycles run, including those dropped.
     cycle: u64,
     section: Section,
-    frame: Held,
+    frame: FrameState,
     averages: Averages,
     /// Columns and averages of resets alone.
-    bare: Option<(Held, Averages)>,
+    bare: Option<(FrameState, Averages)>,
     /// Volume rate `∫ div f dt + Σ ln |det|`; `None` if unknown.
     volume: Option<f64>,
     piecewise: bool,
@@ -141,12 +141,12 @@ impl<'s> FramedRun<'s> {
         map: &SectionMap<'s>,
         drift: &'s Drift,
         (section, cycle): (&Section, u64),
-        held: Option<(&Held, Option<&Held>)>,
+        held: Option<(&FrameState, Option<&FrameState>)>,
         without_saltation: bool,
     ) -> Result<Self, SimulationError> {
         let simulation = map.simulation();
         let start = map.later(cycle).state(section)?;
-        let framed = |held: Option<&Held>| {
+        let framed = |held: Option<&FrameState>| {
             let mut frame = Frame::new(simulation, drift, rate_scale(simulation));
             frame.start(&start);
             held.iter().for_each(|held| frame.hold(held));
@@ -161,7 +161,7 @@ impl<'s> FramedRun<'s> {
         Ok(Self { engine: simulation.engine(start)?, frame, bare })
     }
 
-    fn held(&self) -> (Held, Option<Held>) {
+    fn held(&self) -> (FrameState, Option<FrameState>) {
         (self.frame.held(), self.bare.as_ref().map(Frame::held))
     }
 }
@@ -213,7 +213,7 @@ impl Lyapunov {
         let least = self.cycles.unwrap_or_else(|| (end.cycle - from.cycle).max(1) as u64);
         let most = self.cycles.unwrap_or(MOST.max(least));
         let dropped = DROPPED.max(run.transient_cycles);
-        let begin = |at: (&Section, u64), held: Option<(&Held, Option<&Held>)>| {
+        let begin = |at: (&Section, u64), held: Option<(&FrameState, Option<&FrameState>)>| {
             FramedRun::new(map, drift, at, held, self.without_saltation)
         };
         let (mut now, mut running) = match earlier {
@@ -243,7 +243,7 @@ impl Lyapunov {
                 (now, running)
             }
         };
-        let mut speller = Speller::new(&simulation.structure, &now.section.x);
+        let mut speller = WordObserver::new(&simulation.structure, &now.section.x);
         let (mut reason, mut is_whole) = (None, true);
         while now.cycle < dropped + most {
             if now.cycle.is_multiple_of(KEPT) && now.cycle > 0 {
@@ -401,8 +401,8 @@ fn finite_time(
     let simulation = map.simulation();
     let start = map.start()?;
     // The exponents, and the number of steps and events.
-    type Known = (Vec<Option<f64>>, f64);
-    let from = |section: &Section| -> Result<Option<Known>, SimulationError> {
+    type ExponentsWithTime = (Vec<Option<f64>>, f64);
+    let from = |section: &Section| -> Result<Option<ExponentsWithTime>, SimulationError> {
         let start = map.state(section)?;
         let mut frame = Frame::new(simulation, drift, 1.0);
         frame.start(&start);

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{Drift, Tangent};
 use crate::{
-    engine::{Jumped, Observer, State},
+    engine::{JumpRecord, Observer, State},
     hybrid::{HybridSystem, Mode},
     integrate::DenseStep,
     simulation::Simulation,
@@ -37,7 +37,7 @@ pub(crate) struct Frame<'s> {
 
 /// Columns of a frame between two cycles, to resume from.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-pub(super) struct Held {
+pub(super) struct FrameState {
     columns: Vec<f64>,
     lost: Vec<bool>,
     zero: Vec<bool>,
@@ -117,12 +117,12 @@ impl<'s> Frame<'s> {
     }
 
     /// Returns the columns from which the frame resumes, after its factors have been taken.
-    pub(super) fn held(&self) -> Held {
-        Held { columns: self.tangent.columns.values.clone(), lost: self.lost.clone(), zero: self.zero.clone() }
+    pub(super) fn held(&self) -> FrameState {
+        FrameState { columns: self.tangent.columns.values.clone(), lost: self.lost.clone(), zero: self.zero.clone() }
     }
 
     /// Resumes from kept columns.
-    pub(super) fn hold(&mut self, held: &Held) {
+    pub(super) fn hold(&mut self, held: &FrameState) {
         self.tangent.columns.values.clone_from(&held.columns);
         self.lost.clone_from(&held.lost);
         self.zero.clone_from(&held.zero);
@@ -267,7 +267,7 @@ impl Observer for Frame<'_> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         // The turn of the columns so far must not mix with the effect of an impact. Soft contacts change them little.
         let is_impact = !jumped.to.struck.is_empty() || jumped.settles || self.tangent.rests;
         if is_impact {

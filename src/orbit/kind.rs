@@ -6,7 +6,7 @@ use nalgebra::{Complex, DMatrix};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Approach, Approached, Drift, Orbit, SectionMap,
+    Approach, ApproachEnd, Drift, Orbit, SectionMap,
     approach::{BESIDE, NEAR, closing, return_distances},
     averages::means,
     frame::Frame,
@@ -23,7 +23,7 @@ use crate::{
 /// Kind of a motion after its transient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub enum MotionKind {
     /// The motion is on a stable orbit.
     Periodic,
     /// The motion is on a torus: it never repeats, and its averages converge fast.
@@ -36,7 +36,7 @@ pub enum Kind {
     Undecided,
 }
 
-impl Kind {
+impl MotionKind {
     /// Returns its word in files.
     #[must_use]
     pub fn word(self) -> &'static str {
@@ -54,7 +54,7 @@ impl Kind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
     /// Its kind.
-    pub kind: Kind,
+    pub kind: MotionKind,
     /// Period of a periodic motion, cycles.
     pub period: Option<u64>,
     /// Its word in normal form.
@@ -75,7 +75,7 @@ pub struct Motion {
 
 /// Duration for which a motion without an orbit is watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Watching {
+pub struct WatchTime {
     /// Cycles of the first averages.
     pub cycles: u64,
     /// Most doublings of these cycles.
@@ -84,7 +84,7 @@ pub struct Watching {
     pub is_settled: bool,
 }
 
-impl Default for Watching {
+impl Default for WatchTime {
     fn default() -> Self {
         Self { cycles: 2000, doublings: 4, is_settled: false }
     }
@@ -133,7 +133,7 @@ pub(crate) fn still_closing(cycles: u64) -> String {
 }
 
 impl Motion {
-    fn new(kind: Kind, approached: &Approached, reason: Option<String>) -> Self {
+    fn new(kind: MotionKind, approached: &ApproachEnd, reason: Option<String>) -> Self {
         let orbit = approached.orbit.as_ref();
         Self {
             kind,
@@ -150,15 +150,15 @@ impl Motion {
 
     /// Returns the kind from the approach alone: periodic, transient or undecided.
     #[must_use]
-    pub fn of(approached: &Approached) -> Self {
+    pub fn of(approached: &ApproachEnd) -> Self {
         let kind = match &approached.orbit {
-            Some(_) => Kind::Periodic,
-            None if approached.closing <= CLOSING => Kind::Transient,
-            None => Kind::Undecided,
+            Some(_) => MotionKind::Periodic,
+            None if approached.closing <= CLOSING => MotionKind::Transient,
+            None => MotionKind::Undecided,
         };
         let reason = match kind {
-            Kind::Transient => Some(still_closing(approached.cycles)),
-            Kind::Undecided => Some(approached.reason.clone().unwrap_or_else(|| {
+            MotionKind::Transient => Some(still_closing(approached.cycles)),
+            MotionKind::Undecided => Some(approached.reason.clone().unwrap_or_else(|| {
                 format!("no section of {} cycles came back near enough to another one", approached.cycles)
             })),
             _ => None,
@@ -193,7 +193,7 @@ fn digits(values: &[f64]) -> f64 {
 }
 
 /// Further cycles of a motion, with its tangent and observables.
-pub(super) struct Watched<'m, 's> {
+pub(super) struct MotionCycles<'m, 's> {
     map: &'m SectionMap<'s>,
     drift: &'m Drift,
     pub frame: Frame<'m>,
@@ -263,7 +263,7 @@ impl Figures {
     }
 }
 
-impl<'m, 's> Watched<'m, 's> {
+impl<'m, 's> MotionCycles<'m, 's> {
     pub fn new(map: &'m SectionMap<'s>, drift: &'m Drift, state: &State, is_settled: bool) -> Self {
         let simulation = map.simulation();
         let mut frame = Frame::single(simulation, drift);
@@ -342,18 +342,19 @@ fn pushed(map: &SectionMap<'_>, engine: &Engine<'_>) -> Result<State, Simulation
 pub fn decide<'s>(
     map: &SectionMap<'s>,
     engine: &mut Engine<'s>,
-    approached: &Approached,
-    watching: Watching,
+    approached: &ApproachEnd,
+    watching: WatchTime,
     observer: &mut dyn Observer,
     task: Task<'_>,
 ) -> Result<Option<(Motion, Option<Orbit>)>, SimulationError> {
     let (simulation, drift) = (map.simulation(), map.drift());
     let period = simulation.period()?;
     let mut motion = Motion::of(approached);
-    let ends = |motion: Motion, kind: Kind, reason: Option<String>| Ok(Some((Motion { kind, reason, ..motion }, None)));
+    let ends =
+        |motion: Motion, kind: MotionKind, reason: Option<String>| Ok(Some((Motion { kind, reason, ..motion }, None)));
     if drift.accelerates(simulation) {
         let left = Motion { period: None, word: None, multiplier: None, ..motion };
-        return ends(left, Kind::Transient, Some(ACCELERATES.to_owned()));
+        return ends(left, MotionKind::Transient, Some(ACCELERATES.to_owned()));
     }
     if approached.orbit.is_some() {
         return Ok(Some((motion, None)));
@@ -361,11 +362,11 @@ pub fn decide<'s>(
     if approached.distance <= CLOSED
         && let Some(orbit) = map.rest(map.section(engine.state()), approached.cycles)?
     {
-        let rest = Approached {
+        let rest = ApproachEnd {
             orbit: Some(orbit),
             cycles: approached.cycles,
             distance: approached.distance,
-            ..Approached::default()
+            ..ApproachEnd::default()
         };
         return Ok(Some((Motion::of(&rest), rest.orbit)));
     }
@@ -386,7 +387,7 @@ pub fn decide<'s>(
         }
     }
     let first = largest(&engine.state().x).max(f64::MIN_POSITIVE);
-    let mut watched = Watched::new(map, &drift, engine.state(), watching.is_settled);
+    let mut watched = MotionCycles::new(map, &drift, engine.state(), watching.is_settled);
     let mut tried = None;
     for doubled in 0..=watching.doublings {
         while (watched.rows.len() as u64) < watching.cycles << doubled {
@@ -396,11 +397,11 @@ pub fn decide<'s>(
             motion.cycles += 1;
             if largest(&engine.state().x) > ESCAPED * first {
                 let reason = format!("its state has grown {ESCAPED:e} times: it escapes");
-                return ends(motion, Kind::Transient, Some(reason));
+                return ends(motion, MotionKind::Transient, Some(reason));
             }
         }
         if watched.frame.is_unresolved() {
-            return ends(motion, Kind::Undecided, Some(UNRESOLVED.to_owned()));
+            return ends(motion, MotionKind::Undecided, Some(UNRESOLVED.to_owned()));
         }
         let figures = watched.figures(period);
         motion.exponent = Some([figures.exponent, figures.band]).filter(|e| e.iter().all(|e| e.is_finite()));
@@ -409,7 +410,7 @@ pub fn decide<'s>(
         if closes.is_some_and(|cycles| figures.growth * cycles as f64 > DETERMINED) {
             // Rest makes the section return; rounding before it decides when.
             let reason = "it comes to rest again and again, and amplifies rounding too much in between to have a period in doubles";
-            return ends(Motion { exponent: None, ..motion }, Kind::Undecided, Some(reason.to_owned()));
+            return ends(Motion { exponent: None, ..motion }, MotionKind::Undecided, Some(reason.to_owned()));
         }
         if closes.is_some() || figures.is_low() {
             let longest_period = closes.unwrap_or(1).max(LONG as usize) as u32;
@@ -425,27 +426,27 @@ pub fn decide<'s>(
         }
         if figures.is_regular(period) {
             motion.rotation = rotation(map, &watched.sections, &drift);
-            return ends(motion, Kind::QuasiPeriodic, None);
+            return ends(motion, MotionKind::QuasiPeriodic, None);
         }
         let is_last = doubled == watching.doublings;
         if figures.is_chaotic(period, is_last) && (is_last || !watching.is_settled || !figures.is_low()) {
             if watched.leaves() {
                 let reason = format!("it still leaves an unstable orbit after {} cycles", motion.cycles);
-                return ends(Motion { exponent: None, ..motion }, Kind::Transient, Some(reason));
+                return ends(Motion { exponent: None, ..motion }, MotionKind::Transient, Some(reason));
             }
-            return ends(motion, Kind::Chaotic, None);
+            return ends(motion, MotionKind::Chaotic, None);
         }
     }
     let (cycles, figures) = (motion.cycles, watched.figures(period));
     // If neighbours part, sections approach each other by chance alone.
     if !figures.parts() && closing(return_distances(map, &watched.sections, LONG as usize, &drift)) <= CLOSING {
-        return ends(motion, Kind::Transient, Some(still_closing(cycles)));
+        return ends(motion, MotionKind::Transient, Some(still_closing(cycles)));
     }
     if watched.grows() {
-        return ends(motion, Kind::Transient, Some(format!("its vibration still grows after {cycles} cycles")));
+        return ends(motion, MotionKind::Transient, Some(format!("its vibration still grows after {cycles} cycles")));
     }
     let reason = figures.reason(cycles, tried);
-    ends(motion, Kind::Undecided, Some(reason))
+    ends(motion, MotionKind::Undecided, Some(reason))
 }
 
 impl SectionMap<'_> {

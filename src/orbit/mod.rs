@@ -23,14 +23,14 @@ pub(crate) mod unknowns;
 pub mod words;
 
 pub use crate::tangent::{Corner, Tangent};
-pub use approach::{Approach, Approached};
+pub use approach::{Approach, ApproachEnd};
 pub use crossing::{Crossing, GuardMap};
 pub use exponents::{Averaging, Exponents, Finite, INTERRUPTED, Lyapunov, WithoutSaltation};
-pub use kind::{Kind, Motion, Watching, decide};
+pub use kind::{Motion, MotionKind, WatchTime, decide};
 pub(crate) use newton::MARGINAL;
-pub use newton::{Missed, Orbit};
+pub use newton::{NewtonFailure, Orbit};
 pub use report::components;
-pub use search::{Found, LONGEST, Search, Searched};
+pub use search::{LONGEST, Search, SearchResult, SearchState};
 pub use section::{Image, Section, SectionMap};
 pub use torus::decide_on_torus;
 pub use unknowns::Drift;

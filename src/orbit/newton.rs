@@ -86,7 +86,7 @@ impl Options<'_> {
 
 /// Failure of the search for an orbit from a start.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Missed {
+pub struct NewtonFailure {
     /// Least residual, in scales; infinite if the map could not be evaluated.
     pub residual: f64,
     /// Reason for the end of the search.
@@ -162,7 +162,7 @@ impl SectionMap<'_> {
     ///
     /// # Errors
     /// [`Missed`], if it does not converge.
-    pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, Missed> {
+    pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, NewtonFailure> {
         self.solve_from(start, period, drift, Options::default())
     }
 
@@ -173,9 +173,9 @@ impl SectionMap<'_> {
         period: u64,
         drift: &Drift,
         options: Options<'_>,
-    ) -> Result<Orbit, Missed> {
+    ) -> Result<Orbit, NewtonFailure> {
         let patience = options.patience;
-        let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
+        let missed = |residual: f64, reason: &str| NewtonFailure { residual, reason: reason.to_owned() };
         self.repeats().map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let evaluate = |section: &Section| -> Result<_, SimulationError> {
             let image = self.image(section, period)?;
@@ -284,11 +284,11 @@ impl SectionMap<'_> {
         period: u64,
         drift: &Drift,
         mut condition: f64,
-    ) -> Result<Orbit, Missed> {
+    ) -> Result<Orbit, NewtonFailure> {
         if section.contacts != image.end.contacts {
             // The state is that of the orbit; the modes of the contacts follow from the motion before it.
             section.contacts.clone_from(&image.end.contacts);
-            let failed = |error: SimulationError| Missed { residual, reason: error.to_string() };
+            let failed = |error: SimulationError| NewtonFailure { residual, reason: error.to_string() };
             image = self.image(&section, period).map_err(failed)?;
             unknowns = Unknowns::new(self, &image, drift);
             residual = unknowns.between(&section.x, &image.end.x).norm();
@@ -296,7 +296,7 @@ impl SectionMap<'_> {
             let reduced = unknowns.reduced(&image.jacobian) - DMatrix::identity(count, count);
             condition = reduced.singular_values().min().recip();
             if residual.is_nan() || residual > CLOSED || image.end.contacts != section.contacts {
-                return Err(Missed { residual, reason: UNLIKE.to_owned() });
+                return Err(NewtonFailure { residual, reason: UNLIKE.to_owned() });
             }
         }
         for shorter in (1..period).filter(|shorter| period.is_multiple_of(*shorter)) {
@@ -309,7 +309,7 @@ impl SectionMap<'_> {
         } else {
             // Multipliers come from the derivative of each cycle: small ones would be lost in their product.
             let starts = std::iter::once(&section).chain(&image.between).take(period as usize);
-            let failed = |error: SimulationError| Missed { residual, reason: error.to_string() };
+            let failed = |error: SimulationError| NewtonFailure { residual, reason: error.to_string() };
             Shots::new(self, starts.cloned().collect(), &[], drift).map_err(failed)?.factors()
         };
         Ok(Orbit::of(section, image, (&unknowns, &factors), residual, condition))

@@ -1,6 +1,6 @@
 //! Orbits that a symmetry maps to each other: exchange of both flanks half a cycle later, or of equal planets.
 
-use super::{Drift, Found, Orbit, Section, SectionMap, newton::SAME, unknowns::distance};
+use super::{Drift, Orbit, SearchResult, Section, SectionMap, newton::SAME, unknowns::distance};
 
 impl Orbit {
     /// Returns whether `x` is a point of the orbit, within a distance in scales.
@@ -36,7 +36,7 @@ impl Orbit {
     }
 }
 
-impl Found {
+impl SearchResult {
     /// Sets for each orbit whether it is its own mirror image, and its earlier partner.
     pub(super) fn pair_up(&mut self, map: &SectionMap<'_>) {
         for i in 0..self.orbits.len() {

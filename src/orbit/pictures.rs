@@ -6,7 +6,7 @@ use nalgebra::Complex;
 
 use super::{Exponents, Orbit, SectionMap};
 use crate::{
-    engine::{Jumped, Observer},
+    engine::{JumpRecord, Observer},
     event::EventRecord,
     hybrid::{Instant, Mode},
     plot::{Axis, Figure, Guide, Panel, Series, Style},
@@ -41,7 +41,7 @@ impl Observer for Jumps {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         self.0.push((jumped.at, jumped.x_minus.to_vec(), jumped.x_plus.to_vec()));
     }
 

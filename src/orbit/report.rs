@@ -23,7 +23,7 @@ pub fn components(simulation: &Simulation) -> Vec<String> {
 
 /// Orbit in the form of a file.
 #[derive(Serialize)]
-struct Row {
+struct OrbitEntry {
     period_cycles: u64,
     word: String,
     /// Contacts gained and impacts, per period of the forcing: p/q.
@@ -89,7 +89,7 @@ impl Orbit {
 
     pub(super) fn report(&self, simulation: &Simulation) -> Value {
         let (x, structure) = (&self.section.x, &simulation.structure);
-        let row = Row {
+        let row = OrbitEntry {
             period_cycles: self.period,
             word: self.word(),
             impacts_per_period: format!("{}/{}", self.impacts(), self.period),

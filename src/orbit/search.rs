@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Drift, INTERRUPTED, Missed, Orbit, SectionMap,
+    Drift, INTERRUPTED, NewtonFailure, Orbit, SectionMap,
     newton::{Options, SAME},
     report::components,
     section::Section,
@@ -46,7 +46,7 @@ pub struct Search {
 
 /// State of a search, from which it resumes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Searched {
+pub struct SearchState {
     /// Starts that have been tried.
     pub starts: usize,
     /// Orbits in the order in which they were found.
@@ -58,7 +58,7 @@ pub struct Searched {
 
 /// Result of a search.
 #[derive(Debug)]
-pub struct Found {
+pub struct SearchResult {
     /// Orbits in the order in which they were found.
     pub orbits: Vec<Orbit>,
     /// The drift of the train.
@@ -74,7 +74,7 @@ impl Search {
     ///
     /// # Errors
     /// [`SimulationError`] for a train without a forcing period or a start that cannot be used.
-    pub fn run(&self, simulation: &Simulation, task: Task<'_>) -> Result<Found, SimulationError> {
+    pub fn run(&self, simulation: &Simulation, task: Task<'_>) -> Result<SearchResult, SimulationError> {
         self.go_on(simulation, None, &mut |_| (), task)
     }
 
@@ -86,12 +86,12 @@ impl Search {
     pub fn go_on(
         &self,
         simulation: &Simulation,
-        earlier: Option<Searched>,
-        keep: &mut (dyn FnMut(&Searched) + Send),
+        earlier: Option<SearchState>,
+        keep: &mut (dyn FnMut(&SearchState) + Send),
         task: Task<'_>,
-    ) -> Result<Found, SimulationError> {
+    ) -> Result<SearchResult, SimulationError> {
         let map = SectionMap::new(simulation)?;
-        let mut found = Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
+        let mut found = SearchResult { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
         map.repeats()?;
         let start = map.start()?;
         if found.drift.accelerates(simulation) {
@@ -100,7 +100,7 @@ impl Search {
         }
         let (mut first, is_new) = (0, earlier.is_none());
         match earlier {
-            Some(Searched { starts, orbits, best, reason }) => {
+            Some(SearchState { starts, orbits, best, reason }) => {
                 (first, found.orbits, found.reason) = (starts, orbits, reason);
                 found.best = best.unwrap_or(f64::INFINITY);
             }
@@ -133,7 +133,7 @@ impl Search {
     }
 
     /// Searches near one section: with the period after which it returns, or else the first for which Newton's method converges near it.
-    fn near(&self, map: &SectionMap<'_>, start: &Section, found: &mut Found, task: Task<'_>) {
+    fn near(&self, map: &SectionMap<'_>, start: &Section, found: &mut SearchResult, task: Task<'_>) {
         if let Some(period) = self.period {
             let guess = FirstGuess::Start(start, period);
             self.attempt(map, guess, f64::INFINITY, found, task);
@@ -170,7 +170,7 @@ impl Search {
         map: &SectionMap<'_>,
         guess: FirstGuess<'_>,
         near: f64,
-        found: &mut Found,
+        found: &mut SearchResult,
         task: Task<'_>,
     ) -> bool {
         let patience = near.is_finite().then_some(PATIENCE);
@@ -226,7 +226,7 @@ impl Search {
     }
 
     /// Searches from the end of a run, and from its closest returns.
-    fn returns(&self, map: &SectionMap<'_>, passed: &[Section], found: &mut Found, task: Task<'_>) {
+    fn returns(&self, map: &SectionMap<'_>, passed: &[Section], found: &mut SearchResult, task: Task<'_>) {
         let scales = map.scales_of(passed);
         let Some(last) = passed.len().checked_sub(1) else { return };
         let periods = match self.period {
@@ -265,8 +265,8 @@ impl Search {
         map: &SectionMap<'_>,
         passed: &[Section],
         first: usize,
-        found: &mut Found,
-        keep: &mut dyn FnMut(&Searched),
+        found: &mut SearchResult,
+        keep: &mut dyn FnMut(&SearchState),
         task: Task<'_>,
     ) {
         let Some(last) = passed.last() else { return };
@@ -365,18 +365,18 @@ fn primes() -> impl Iterator<Item = u64> {
     (2..).filter(|n| (2..).take_while(|d| d * d <= *n).all(|d| n % d != 0))
 }
 
-impl Found {
+impl SearchResult {
     /// Returns the state of the search after `starts` further starts.
-    fn kept(&self, starts: usize) -> Searched {
+    fn kept(&self, starts: usize) -> SearchState {
         let best = Some(self.best).filter(|best| best.is_finite());
-        Searched { starts, orbits: self.orbits.clone(), best, reason: self.reason.clone() }
+        SearchState { starts, orbits: self.orbits.clone(), best, reason: self.reason.clone() }
     }
 
     /// Stores a result of Newton's method.
-    fn take(&mut self, map: &SectionMap<'_>, solved: Result<Orbit, Missed>) {
+    fn take(&mut self, map: &SectionMap<'_>, solved: Result<Orbit, NewtonFailure>) {
         match solved {
             Ok(orbit) => self.add(map, orbit),
-            Err(Missed { residual, reason })
+            Err(NewtonFailure { residual, reason })
                 if residual <= self.best || residual.is_nan() && self.best == f64::INFINITY =>
             {
                 (self.best, self.reason) = (if residual.is_nan() { f64::INFINITY } else { residual }, Some(reason));

@@ -11,7 +11,7 @@ use crate::{
 use nalgebra::DMatrix;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::{Corner, Tangent, words::Speller};
+use super::{Corner, Tangent, words::WordObserver};
 
 /// State at the start of a cycle, complete for the motion after it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -290,7 +290,7 @@ impl<'a> SectionMap<'a> {
     /// # Errors
     /// [`SimulationError`] if the run fails.
     pub fn image_by(&self, section: &Section, cycles: u64, variations: &[Variation]) -> Result<Image, SimulationError> {
-        let mut speller = Speller::new(&self.simulation.structure, &section.x);
+        let mut speller = WordObserver::new(&self.simulation.structure, &section.x);
         self.image_spelled((section, cycles), variations, &mut speller)
     }
 
@@ -299,7 +299,7 @@ impl<'a> SectionMap<'a> {
         &self,
         (section, cycles): (&Section, u64),
         variations: &[Variation],
-        speller: &mut Speller<'_>,
+        speller: &mut WordObserver<'_>,
     ) -> Result<Image, SimulationError> {
         let state = self.state(section)?;
         let mut tangent = Tangent::new(&self.simulation.structure).with(variations);

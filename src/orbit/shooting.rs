@@ -4,11 +4,11 @@
 use nalgebra::{Complex, DMatrix, DVector};
 
 use super::{
-    Drift, INTERRUPTED, Missed, Orbit, SectionMap,
+    Drift, INTERRUPTED, NewtonFailure, Orbit, SectionMap,
     newton::{CLOSED, HALVINGS, LONGEST, Options, SAME, STEPS, UNLIKE},
     section::{Image, Section},
     unknowns::Unknowns,
-    words::Speller,
+    words::WordObserver,
 };
 use crate::{simulation::SimulationError, system::Variation, tangent::zeros};
 
@@ -73,7 +73,7 @@ impl Shots {
         let structure = &map.simulation().structure;
         let moving = 2 * structure.freedoms();
         let (images, whole) = loop {
-            let mut speller = Speller::new(structure, &sections[0].x);
+            let mut speller = WordObserver::new(structure, &sections[0].x);
             let image = |(i, section)| map.at_step(i).image_spelled((section, 1), variations, &mut speller);
             let images = sections.iter().enumerate().map(image).collect::<Result<Vec<_>, _>>()?;
             let whole = joined(&images, map.steps())
@@ -126,7 +126,7 @@ impl SectionMap<'_> {
     ///
     /// # Errors
     /// [`Missed`], if Newton's method does not converge, or if the period has more than 600 unknowns.
-    pub fn shoot(&self, trail: &[Section], drift: &Drift) -> Result<Orbit, Missed> {
+    pub fn shoot(&self, trail: &[Section], drift: &Drift) -> Result<Orbit, NewtonFailure> {
         self.shoot_from(trail, drift, Options::default())
     }
 
@@ -136,8 +136,8 @@ impl SectionMap<'_> {
         trail: &[Section],
         drift: &Drift,
         Options { patience, task, .. }: Options<'_>,
-    ) -> Result<Orbit, Missed> {
-        let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
+    ) -> Result<Orbit, NewtonFailure> {
+        let missed = |residual: f64, reason: &str| NewtonFailure { residual, reason: reason.to_owned() };
         let dim = trail.first().map_or(0, |section| section.x.len());
         if trail.len() * dim > MOST {
             return Err(missed(f64::INFINITY, "the period has too many unknowns for multiple shooting"));
@@ -183,11 +183,11 @@ impl SectionMap<'_> {
     }
 
     /// Returns the orbit from converged shots, with its smallest period.
-    fn assemble(&self, shots: Shots, drift: &Drift) -> Result<Orbit, Missed> {
+    fn assemble(&self, shots: Shots, drift: &Drift) -> Result<Orbit, NewtonFailure> {
         let cycles = shots.sections.len();
         let mut next = shots.sections.iter().cycle().skip(1);
         if shots.images.iter().any(|image| next.next().is_some_and(|next| next.contacts != image.end.contacts)) {
-            return Err(Missed { residual: shots.residual, reason: UNLIKE.to_owned() });
+            return Err(NewtonFailure { residual: shots.residual, reason: UNLIKE.to_owned() });
         }
         let apart = |i: usize| shots.unknowns.between(&shots.sections[0].x, &shots.sections[i].x).norm();
         if let Some(shorter) = (self.steps()..cycles)

@@ -1,8 +1,8 @@
 //! Kind of a motion whose forcing has no cycle, or too long a one.
 
 use super::{
-    Approached, Kind, Motion, SectionMap, Watching,
-    kind::{BANDS, DETERMINED, Figures, PARTED, REGULAR, UNRESOLVED, Watched},
+    ApproachEnd, Motion, MotionKind, SectionMap, WatchTime,
+    kind::{BANDS, DETERMINED, Figures, MotionCycles, PARTED, REGULAR, UNRESOLVED},
     unknowns::ACCELERATES,
 };
 use crate::{
@@ -24,18 +24,18 @@ pub fn decide_on_torus<'s>(
     map: &SectionMap<'s>,
     engine: &mut Engine<'s>,
     why: &str,
-    watching: Watching,
+    watching: WatchTime,
     observer: &mut dyn Observer,
     task: Task<'_>,
 ) -> Result<Option<Motion>, SimulationError> {
     let (simulation, drift) = (map.simulation(), map.drift());
     let period = simulation.period()?;
-    let mut motion = Motion { distance: 0.0, ..Motion::of(&Approached::default()) };
+    let mut motion = Motion { distance: 0.0, ..Motion::of(&ApproachEnd::default()) };
     let ends = |motion: Motion, kind, reason: String| Ok(Some(Motion { kind, reason: Some(reason), ..motion }));
     if drift.accelerates(simulation) {
-        return ends(motion, Kind::Transient, ACCELERATES.to_owned());
+        return ends(motion, MotionKind::Transient, ACCELERATES.to_owned());
     }
-    let mut watched = Watched::new(map, &drift, engine.state(), watching.is_settled);
+    let mut watched = MotionCycles::new(map, &drift, engine.state(), watching.is_settled);
     let doublings = watching.doublings + MORE;
     for doubled in 0..=doublings {
         while (watched.rows.len() as u64) < watching.cycles << doubled {
@@ -47,7 +47,7 @@ pub fn decide_on_torus<'s>(
             motion.cycles += 1;
         }
         if watched.frame.is_unresolved() {
-            return ends(motion, Kind::Undecided, UNRESOLVED.to_owned());
+            return ends(motion, MotionKind::Undecided, UNRESOLVED.to_owned());
         }
         let figures = watched.figures(period);
         let Figures { exponent, band, .. } = figures;
@@ -56,19 +56,19 @@ pub fn decide_on_torus<'s>(
         // A slow decay of a speed that moves no contact may outlast any run: averages show that all other coordinates have settled.
         let has_settled = exponent * period * watched.rows.len() as f64 <= -PARTED || figures.digits >= REGULAR;
         if closes && has_settled || figures.is_regular(period) {
-            return ends(motion, Kind::QuasiPeriodic, why.to_owned());
+            return ends(motion, MotionKind::QuasiPeriodic, why.to_owned());
         }
         // Neighbours on a torus part in proportion to time, never so far: the averages of intermittent chaos need not scatter.
         let parts = doubled == doublings && figures.parts() && figures.whole > DETERMINED;
         if parts || figures.is_chaotic(period, doubled == doublings) {
-            return ends(motion, Kind::Chaotic, why.to_owned());
+            return ends(motion, MotionKind::Chaotic, why.to_owned());
         }
         if closes && doubled == doublings {
             let reason =
                 format!("neighbours still come together after {} cycles, and averages have not settled", motion.cycles);
-            return ends(motion, Kind::Transient, reason);
+            return ends(motion, MotionKind::Transient, reason);
         }
     }
     let reason = watched.figures(period).reason(motion.cycles, Some(why.to_owned()));
-    ends(motion, Kind::Undecided, reason)
+    ends(motion, MotionKind::Undecided, reason)
 }

@@ -9,7 +9,7 @@ use std::{collections::BTreeMap, ops::ControlFlow};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    engine::{Jumped, Observer, STALLED},
+    engine::{JumpRecord, Observer, STALLED},
     event::EventRecord,
     hybrid::{ContactView, Instant, Watch},
     system::{ContactMode, Structure},
@@ -170,7 +170,10 @@ pub struct Letter {
 }
 
 /// Returns the tokens of a jump, one for each contact that it changes, with the index of the contact.
-pub(crate) fn letters<'a>(structure: &'a Structure, jumped: &'a Jumped<'a>) -> impl Iterator<Item = (usize, String)> {
+pub(crate) fn letters<'a>(
+    structure: &'a Structure,
+    jumped: &'a JumpRecord<'a>,
+) -> impl Iterator<Item = (usize, String)> {
     structure.contacts().iter().enumerate().filter_map(|(j, c)| {
         let (was, is) = (structure.contact_mode(j, &jumped.from.mode), structure.contact_mode(j, &jumped.to.mode));
         let is_rigid = c.spec.law.is_rigid();
@@ -197,7 +200,7 @@ fn spell(letters: &[Letter]) -> Vec<String> {
 
 /// Observer that spells the motion.
 #[derive(Debug)]
-pub(crate) struct Speller<'s> {
+pub(crate) struct WordObserver<'s> {
     structure: &'s Structure,
     /// Letters of the present event.
     open: Vec<Letter>,
@@ -208,7 +211,7 @@ pub(crate) struct Speller<'s> {
     pub sizes: Vec<f64>,
 }
 
-impl<'s> Speller<'s> {
+impl<'s> WordObserver<'s> {
     pub fn new(structure: &'s Structure, x: &[f64]) -> Self {
         let sizes = x.iter().map(|x| x.abs()).collect();
         Self { structure, open: Vec::new(), events: 0, letters: Vec::new(), sizes }
@@ -260,7 +263,7 @@ impl<'s> Speller<'s> {
     }
 }
 
-impl Observer for Speller<'_> {
+impl Observer for WordObserver<'_> {
     fn wants_steps(&self, _: &crate::hybrid::Mode) -> bool {
         false
     }
@@ -269,7 +272,7 @@ impl Observer for Speller<'_> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         self.meet(jumped.x_minus);
         self.meet(jumped.x_plus);
         for (contact, token) in letters(self.structure, jumped) {

@@ -21,4 +21,4 @@ pub use figure::{Axis, Band, Colour, Figure, Guide, Note, Panel, Raster, SEQUENC
 #[cfg(feature = "plot")]
 pub use print::{Format, Print};
 #[cfg(feature = "plot")]
-pub use report::{Cell, Item, Report, Section, Table};
+pub use report::{Item, Report, Section, Table, TableCell};

@@ -6,7 +6,7 @@ use super::{
     Animation, Figure, Print,
     draw::{
         Theme, escaped,
-        legend::{self, Entry, Look},
+        legend::{self, Entry, Symbol},
         palette::hex,
         panel::scales,
     },
@@ -62,19 +62,19 @@ pub enum Item {
 }
 
 /// Table whose cells may have verdicts.
-pub type Table = output::Table<Cell>;
+pub type Table = output::Table<TableCell>;
 
 /// A table of words alone.
 impl From<output::Table> for Item {
     fn from(output::Table { title, head, rows, note }: output::Table) -> Self {
-        let rows = rows.into_iter().map(|row| row.into_iter().map(Cell::from).collect()).collect();
+        let rows = rows.into_iter().map(|row| row.into_iter().map(TableCell::from).collect()).collect();
         Self::Table(Table { title, head, rows, note })
     }
 }
 
 /// A cell of a table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Cell {
+pub struct TableCell {
     /// Text of the cell.
     pub text: String,
     /// Verdict of a comparison, if any.
@@ -93,7 +93,7 @@ impl Verdict {
     }
 }
 
-impl Cell {
+impl TableCell {
     /// Returns a cell with a verdict.
     #[must_use]
     pub fn judged(text: impl Into<String>, verdict: Verdict) -> Self {
@@ -101,7 +101,7 @@ impl Cell {
     }
 }
 
-impl<T: Into<String>> From<T> for Cell {
+impl<T: Into<String>> From<T> for TableCell {
     fn from(text: T) -> Self {
         Self { text: text.into(), verdict: None }
     }
@@ -235,11 +235,11 @@ fn paragraphs(lines: &[String]) -> String {
 
 fn table_html(table: &Table) -> String {
     let head: String = table.head.iter().map(|cell| format!("<th scope=\"col\">{}</th>", escaped(cell))).collect();
-    let cell = |cell: &Cell| match cell.verdict.map(Verdict::class_and_sign) {
+    let cell = |cell: &TableCell| match cell.verdict.map(Verdict::class_and_sign) {
         None => format!("<td>{}</td>", escaped(&cell.text)),
         Some((class, sign)) => format!("<td class=\"{class}\"><span>{sign}</span> {}</td>", escaped(&cell.text)),
     };
-    let row = |row: &Vec<Cell>| format!("<tr>{}</tr>\n", row.iter().map(cell).collect::<String>());
+    let row = |row: &Vec<TableCell>| format!("<tr>{}</tr>\n", row.iter().map(cell).collect::<String>());
     let rows: String = table.rows.iter().map(row).collect();
     let note = paragraphs(std::slice::from_ref(&table.note));
     format!(
@@ -264,10 +264,10 @@ fn colours() -> Value {
 
 /// Returns a figure in the form of the page's script.
 fn figure_data(figure: &Figure) -> Value {
-    let look = |look: &Look| match look {
-        Look::Series(style, colour) => json!({ "style": style, "colour": colour }),
-        Look::Tile(colour) => json!({ "style": "tile", "colour": colour }),
-        Look::Band(colour) => json!({ "style": "band", "colour": colour }),
+    let look = |look: &Symbol| match look {
+        Symbol::Series(style, colour) => json!({ "style": style, "colour": colour }),
+        Symbol::Tile(colour) => json!({ "style": "tile", "colour": colour }),
+        Symbol::Band(colour) => json!({ "style": "band", "colour": colour }),
     };
     let entry =
         |entry: Entry<'_>| json!({ "name": entry.name, "looks": entry.looks.iter().map(look).collect::<Vec<_>>() });

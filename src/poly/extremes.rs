@@ -36,7 +36,7 @@ pub fn extremes(p: &[f64]) -> [f64; 2] {
     let (start, end) = (p[0], eval(p, 1.0));
     let mut slope = [0.0; MAX_DEGREE + 1];
     let slope = derivative(p, &mut slope);
-    let mut search = Search { p, slope, found: [start.max(end), start.min(end)], rounding: ROUNDING * size };
+    let mut search = ExtremeSearch { p, slope, found: [start.max(end), start.min(end)], rounding: ROUNDING * size };
     if has_one_sign(slope) {
         return search.found;
     }
@@ -62,7 +62,7 @@ pub fn minima(p: &[f64]) -> Vec<f64> {
     let mut found = Vec::new();
     if p.len() > 2 {
         let slope = derivative(p, &mut slope);
-        let search = Search { p, slope, found: [0.0; 2], rounding: 0.0 };
+        let search = ExtremeSearch { p, slope, found: [0.0; 2], rounding: 0.0 };
         search.rises(Bernstein::from_power(slope, 1.0), 0.0, 1.0, 0, &mut found);
     }
     found
@@ -88,7 +88,7 @@ fn has_one_sign(p: &[f64]) -> bool {
     }
 }
 
-struct Search<'a> {
+struct ExtremeSearch<'a> {
     p: &'a [f64],
     slope: &'a [f64],
     /// Largest and smallest value so far.
@@ -96,7 +96,7 @@ struct Search<'a> {
     rounding: f64,
 }
 
-impl Search<'_> {
+impl ExtremeSearch<'_> {
     fn take(&mut self, value: f64) {
         self.found = [self.found[0].max(value), self.found[1].min(value)];
     }

@@ -216,13 +216,13 @@ pub(crate) fn restrict<P: Path, const F: usize>(path: P, row: &Row<P, F>, number
 
 /// A place in `[0, 1]`, given by its distances from both ends.
 #[derive(Clone, Copy)]
-struct Ends {
+struct EndDistances {
     is_left: bool,
     near: f64,
     far: f64,
 }
 
-impl Ends {
+impl EndDistances {
     /// Returns the place nearest to `t` whose distance from 1 is a double, so that powers do not multiply its rounding. Distances are from
     /// the left end, or from the right one.
     #[inline(always)]
@@ -239,17 +239,17 @@ impl Ends {
 }
 
 /// Bernstein polynomials of degree n at a place: `B_i(t) = C(n, i) tⁱ (1 − t)ⁿ⁻ⁱ`.
-pub(crate) struct Place<P: Path, const F: usize> {
+pub(crate) struct BernsteinBasis<P: Path, const F: usize> {
     /// Values without the common factor `weight`.
     basis: Row<P, F>,
     far: f64,
 }
 
-impl<P: Path, const F: usize> Place<P, F> {
+impl<P: Path, const F: usize> BernsteinBasis<P, F> {
     /// Evaluates the Bernstein polynomials at `t`.
     #[inline(always)]
     pub fn new(path: P, t: f64) -> Self {
-        let Ends { is_left, near, far } = Ends::new(t, t <= 0.5);
+        let EndDistances { is_left, near, far } = EndDistances::new(t, t <= 0.5);
         let u = near / far;
         let (square, fours) = (u * u, Tables::<F>::BINOMIALS);
         let (rising, fourth) = ([1.0, u, square, square * u], path.all(square * square));
@@ -326,8 +326,8 @@ impl<P: Path, const F: usize> Sums<P, F> {
 
     /// Returns the value and the first two derivatives with respect to t.
     #[inline(always)]
-    fn at(&self, path: P, ends: Ends) -> [f64; 3] {
-        let Ends { is_left, near, far } = ends;
+    fn at(&self, path: P, ends: EndDistances) -> [f64; 3] {
+        let EndDistances { is_left, near, far } = ends;
         let u = near / far;
         let (square, n) = (u * u, Tables::<F>::LAST as f64);
         let fourth = path.all(square * square);
@@ -371,7 +371,7 @@ pub(crate) fn fall<P: Path, const F: usize>(
     let sums = Sums::new(path, of, is_left);
     let (mut t, mut low, mut high) = (guess, 0.0, until);
     for _ in 0..ITERATIONS {
-        let ends = Ends::new(t, is_left);
+        let ends = EndDistances::new(t, is_left);
         let at = ends.place();
         let [mut value, mut slope, mut bent] = sums.at(path, ends);
         if start != 0.0 {

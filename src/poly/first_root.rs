@@ -72,7 +72,7 @@ fn search(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         n -= 1;
     }
     let (all, p) = (p, &p[..=n]);
-    let mut search = Search { p, limit, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
+    let mut search = RootSearch { p, limit, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
     let start = Bernstein::from_power(p, limit);
     // A fall below zero without a return is a crossing, however small.
     let root = search.first(start, 0.0, limit, 0).or(search.shallow);
@@ -107,7 +107,7 @@ fn closer(p: &[f64], root: f64, limit: f64, dropped: f64) -> f64 {
     x
 }
 
-struct Search<'a> {
+struct RootSearch<'a> {
     p: &'a [f64],
     limit: f64,
     uncertainty: f64,
@@ -117,7 +117,7 @@ struct Search<'a> {
     splits: u32,
 }
 
-impl Search<'_> {
+impl RootSearch<'_> {
     fn first(&mut self, b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
         if self.shallow.is_some() {
             return self.follow(b, lo, hi, depth);

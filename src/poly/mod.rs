@@ -14,7 +14,7 @@ pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
 pub(crate) use deflated::Deflated;
 pub use extremes::{extremes, minima};
 pub(crate) use falling::{
-    MOST_FOURS, Numbers, PARTS, Pattern, Place, Row, Signed, fall, fours, largest, numbers, pattern, restrict,
+    BernsteinBasis, MOST_FOURS, Numbers, PARTS, Pattern, Row, Signed, fall, fours, largest, numbers, pattern, restrict,
     stays_above,
 };
 pub(crate) use first_root::first_root_on;

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{
-    Built, clock, dimensionless,
+    BuiltScene, clock, dimensionless,
     fault::Fault,
     gearbox, initial, matrices,
     node::{Findings, Node},
@@ -25,7 +25,7 @@ pub(super) fn units_of(scene: &Value) -> Units {
     if scene.pointer("/train/kind").and_then(Value::as_str) == Some(DIMENSIONLESS) { Units::None } else { Units::Si }
 }
 
-pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
+pub(super) fn build(resolved: &Value) -> Result<BuiltScene, Vec<Fault>> {
     let findings = Findings::default();
     let root = Node::root(resolved, &findings, units_of(resolved));
     let built = read(&root);
@@ -35,7 +35,7 @@ pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
     let (faults, warnings) = findings.into_parts();
     match built {
         Some(built) if faults.is_empty() => {
-            Ok(Built { warnings, remarks, meshes, speeds, drawing, start_faults, ..built })
+            Ok(BuiltScene { warnings, remarks, meshes, speeds, drawing, start_faults, ..built })
         }
         _ => Err(faults),
     }
@@ -48,7 +48,7 @@ pub(super) fn faults_of_train(resolved: &Value) -> Vec<Fault> {
     findings.into_parts().0
 }
 
-fn read(root: &Node) -> Option<Built> {
+fn read(root: &Node) -> Option<BuiltScene> {
     let (spec, carrier_speed) = read_train(&root.at("train"))?;
     let run = run::read(&root.at("run"), &spec);
     clock::check(root, &spec, &run);
@@ -61,7 +61,7 @@ fn read(root: &Node) -> Option<Built> {
     }
     let (q0, v0, memory) =
         initial::read(&root.at("initial"), &spec, run.start_cycle as f64 * run.period.unwrap_or(0.0));
-    Some(Built {
+    Some(BuiltScene {
         dimensionless: root.units == Units::None,
         carrier_speed,
         spec,

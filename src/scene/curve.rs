@@ -1,7 +1,7 @@
 //! Curves of measured points in a scene.
 
 use super::node::Node;
-use crate::gear::{Curve, Harmonic, MeshHarmonic, Series, Through};
+use crate::gear::{Curve, CurveShape, Harmonic, HarmonicSeries, MeshHarmonic};
 
 /// Largest difference of values that closes a period, relative to the largest one.
 const CLOSED: f64 = 1e-9;
@@ -113,7 +113,7 @@ pub(super) fn over_mesh(node: &Node, units: &[(&str, f64)], teeth: Option<[u32; 
 }
 
 /// Returns the series of a curve, and adds its residual to the remarks.
-pub(super) fn series(node: &Node, curve: &Curve, through: Through) -> Series {
+pub(super) fn series(node: &Node, curve: &Curve, through: CurveShape) -> HarmonicSeries {
     let most = node.at("harmonics").written().map(|most| most.whole() as usize);
     let series = curve.series(most, through);
     let [largest, rms] = series.residual;
@@ -136,7 +136,7 @@ pub(super) fn stiffness(node: &Node, curve: Curve) -> Option<Curve> {
 
 /// Returns mean and harmonics, relative to it, of a stiffness through points.
 pub(super) fn relative_series(node: &Node, curve: &Curve) -> (f64, Vec<MeshHarmonic>) {
-    let Series { mean, mut harmonics, .. } = series(node, curve, Through::Lines);
+    let HarmonicSeries { mean, mut harmonics, .. } = series(node, curve, CurveShape::Lines);
     harmonics.iter_mut().for_each(|h| h.amplitude /= mean);
     if harmonics.iter().map(|h| h.amplitude).sum::<f64>() >= 1.0 {
         node.warn("the amplitudes of its series sum to 1 or more: the stiffness may become negative");
@@ -147,7 +147,7 @@ pub(super) fn relative_series(node: &Node, curve: &Curve) -> (f64, Vec<MeshHarmo
 /// Reads harmonics in a mesh's own clock, as sines.
 pub(super) fn mesh_error(node: &Node, teeth: Option<[u32; 2]>) -> Option<(f64, Vec<MeshHarmonic>)> {
     let OverMesh { curve, periods } = over_mesh(node, &LENGTHS, teeth)?;
-    let series = series(node, &curve, Through::Spline);
+    let series = series(node, &curve, CurveShape::Spline);
     let sine = |h: &MeshHarmonic| MeshHarmonic {
         order: h.order / f64::from(periods),
         phase: h.phase + std::f64::consts::FRAC_PI_2,
@@ -159,7 +159,7 @@ pub(super) fn mesh_error(node: &Node, teeth: Option<[u32; 2]>) -> Option<(f64, V
 /// Reads harmonics in time, of a curve with a separate period and origin.
 pub(super) fn in_time(node: &Node, units: &[(&str, f64)]) -> Option<(f64, Vec<Harmonic>)> {
     let curve = read(node, units)?;
-    let series = series(node, &curve, Through::Spline);
+    let series = series(node, &curve, CurveShape::Spline);
     Some((series.mean, timed(node, &series.harmonics)))
 }
 

@@ -5,12 +5,12 @@ use std::f64::consts::TAU;
 use super::{
     body::read_support,
     build, curve, fault, harmonics, load,
-    mesh::{self, Engaged},
+    mesh::{self, GearPairing},
     node::Node,
     plausible,
 };
 use crate::{
-    gear::{Gear, MeshHarmonic, Series, Through, phase::equally_spaced},
+    gear::{CurveShape, Gear, HarmonicSeries, MeshHarmonic, phase::equally_spaced},
     system::Spec,
     train::{
         Damping, Support,
@@ -85,7 +85,7 @@ impl<'a> Reading<'a> {
             let [place, contact] = &self.meshes[i];
             let (own, teeth) = (&gearbox.meshes[i], line.gears.map(|gear| gearbox.gears[gear].teeth));
             let [pinion, wheel] = line.gears.map(|gear| &self.gears[gear]);
-            let engaged = Engaged::with(own.rack, teeth, line.geometry, [pinion, wheel]);
+            let engaged = GearPairing::with(own.rack, teeth, line.geometry, [pinion, wheel]);
             let masses = line.gears.map(|gear| gearbox.rotary_mass(&layout, gear));
             let read = mesh::read(contact, masses, Some(&engaged));
             let toothed = engaged.mesh(&own.name, layout.mesh_frequency(i), vec![line.phase]);
@@ -386,15 +386,15 @@ fn read_drag(node: &Node) -> Drag {
 fn measured(node: &Node, is_torque: bool) -> Option<(f64, Vec<Order>)> {
     let (units, of): (&[_], fn(f64) -> Amplitude) =
         if is_torque { (&curve::TORQUES, Amplitude::Torque) } else { (&curve::SPEEDS, Amplitude::Speed) };
-    let Series { mean, harmonics, .. } = curve::series(node, &curve::read(node, units)?, Through::Spline);
+    let HarmonicSeries { mean, harmonics, .. } = curve::series(node, &curve::read(node, units)?, CurveShape::Spline);
     let order = |h: MeshHarmonic| Order { order: h.order, amplitude: of(h.amplitude), phase: h.phase };
     Some((mean, harmonics.into_iter().map(order).collect()))
 }
 
 /// Returns mean and orders from a list of orders, from columns, or from a curve.
 fn read_orders(node: &Node, is_torque: bool) -> (f64, Vec<Order>) {
-    type Kind = (&'static str, fn(f64) -> Amplitude);
-    let kinds: [Kind; 4] = [
+    type OrderKey = (&'static str, fn(f64) -> Amplitude);
+    let kinds: [OrderKey; 4] = [
         ("torque_nm", Amplitude::Torque),
         ("angle_rad", Amplitude::Angle),
         ("speed_rpm", |rpm| Amplitude::Speed(rpm * RPM)),

@@ -17,7 +17,7 @@ use crate::{
 const SAME: f64 = 1e-12;
 
 /// A point: time, and value.
-type Point = (Wide, f64);
+type TimePoint = (Wide, f64);
 
 /// Reads a load, a number or a schedule; returns its value at rest, and the schedule. `units` are the names of units of its values with
 /// their factors, the usual one first; `turn` is the time of a turn of the loaded body, s.
@@ -111,7 +111,7 @@ fn schedule(node: &Node, units: &[(&str, f64)], turn: Option<f64>) -> Option<Sti
         // Two entries, by the shape.
         (row[0].wide() * second, row[1].wide().value() * factor)
     };
-    let points: Vec<Point> = list.items().iter().map(point).collect();
+    let points: Vec<TimePoint> = list.items().iter().map(point).collect();
     let is_sudden = node.at("through").text() == "steps";
     rises(&list, &points, is_sudden)?;
     let origin = node.at_unit("origin", "s").number();
@@ -141,7 +141,7 @@ fn period(node: &Node, turn: Option<f64>) -> Option<Option<f64>> {
 }
 
 /// Refuses falling times, and more than two points at one time.
-fn rises(list: &Node, points: &[Point], is_sudden: bool) -> Option<()> {
+fn rises(list: &Node, points: &[TimePoint], is_sudden: bool) -> Option<()> {
     let items = list.items();
     for (pair, item) in points.windows(2).zip(&items[1..]) {
         let is_step = !is_sudden && pair[0].0 == pair[1].0;
@@ -160,7 +160,7 @@ fn rises(list: &Node, points: &[Point], is_sudden: bool) -> Option<()> {
 }
 
 /// Returns a schedule that is constant before the first point and after the last one.
-fn once(points: &[Point], is_sudden: bool, origin: f64) -> Stiffness {
+fn once(points: &[TimePoint], is_sudden: bool, origin: f64) -> Stiffness {
     let (mut times, mut values, mut slopes) = (Vec::new(), vec![points[0].1], vec![0.0]);
     let count = points.len();
     for (i, (time, value)) in points.iter().enumerate() {
@@ -185,7 +185,7 @@ fn once(points: &[Point], is_sudden: bool, origin: f64) -> Stiffness {
 }
 
 /// Returns the pieces over a period, at whose end lines close.
-fn repeating(list: &Node, points: &[Point], is_sudden: bool, period: f64, origin: f64) -> Option<Stiffness> {
+fn repeating(list: &Node, points: &[TimePoint], is_sudden: bool, period: f64, origin: f64) -> Option<Stiffness> {
     let items = list.items();
     let place = |time: Wide| (time * period.recip()).value();
     let first = place(points[0].0);

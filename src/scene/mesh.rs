@@ -62,7 +62,7 @@ pub struct ToothMesh {
 
 /// Two gears in mesh, if a scene gives their teeth.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Engaged {
+pub(super) struct GearPairing {
     pub rack: BasicRack,
     pub gears: [Gear; 2],
     pub geometry: MeshGeometry,
@@ -70,7 +70,7 @@ pub(super) struct Engaged {
     pub face_width: Option<f64>,
 }
 
-impl Engaged {
+impl GearPairing {
     /// Returns two gears in mesh, pinion first, with the given face widths; gears that cannot mesh are a fault at `node`.
     pub fn new(node: &Node, rack: BasicRack, gears: [Gear; 2], kind: MeshKind, widths: [&Node; 2]) -> Option<Self> {
         let geometry = MeshGeometry::new(&rack, gears[0], gears[1], kind).map_err(TrainError::from);
@@ -92,7 +92,7 @@ impl Engaged {
     }
 }
 
-fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStiffness {
+fn read_stiffness(node: &Node, law: &Law, engaged: Option<&GearPairing>) -> MeshStiffness {
     let number = |key: &str| node.at(key).number();
     let pairs = |waveform| {
         let path = path_of_contact(&node.at("contact_ratio"), engaged);
@@ -124,7 +124,7 @@ fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStif
 }
 
 /// Reads a measured stiffness, as lines or as a series.
-fn curve_stiffness(node: &Node, engaged: Option<&Engaged>) -> Option<MeshStiffness> {
+fn curve_stiffness(node: &Node, engaged: Option<&GearPairing>) -> Option<MeshStiffness> {
     let OverMesh { curve, periods } = curve::over_mesh(node, &curve::STIFFNESSES, teeth(engaged))?;
     let curve = curve::stiffness(node, curve)?;
     if node.at("as").text() == "lines" {
@@ -135,11 +135,11 @@ fn curve_stiffness(node: &Node, engaged: Option<&Engaged>) -> Option<MeshStiffne
     Some(MeshStiffness::Harmonics { mean, harmonics: harmonics.into_iter().map(own).collect() })
 }
 
-fn teeth(engaged: Option<&Engaged>) -> Option<[u32; 2]> {
+fn teeth(engaged: Option<&GearPairing>) -> Option<[u32; 2]> {
     engaged.map(|engaged| engaged.gears.map(|gear| gear.teeth))
 }
 
-fn path_of_contact(ratio: &Node, engaged: Option<&Engaged>) -> PathOfContact {
+fn path_of_contact(ratio: &Node, engaged: Option<&GearPairing>) -> PathOfContact {
     let of_teeth = engaged.map(|e| e.geometry.path);
     let overlap = of_teeth.map_or(0.0, |path| path.overlap);
     let written = ratio.clone().written().map(|r| PathOfContact { approach: 0.0, recess: r.number(), overlap });
@@ -156,9 +156,9 @@ fn path_of_contact(ratio: &Node, engaged: Option<&Engaged>) -> PathOfContact {
 }
 
 /// Returns a stiffness that follows from the teeth, N/m.
-fn from_teeth(node: &Node, law: &Law, engaged: Option<&Engaged>) -> f64 {
+fn from_teeth(node: &Node, law: &Law, engaged: Option<&GearPairing>) -> f64 {
     let kind = node.at("kind");
-    let Some(Engaged { rack, gears: [pinion, wheel], geometry, face_width }) = engaged else {
+    let Some(GearPairing { rack, gears: [pinion, wheel], geometry, face_width }) = engaged else {
         kind.refuse("a stiffness in numbers, as no rack is given", "add the rack, or write the stiffness");
         return 1.0;
     };
@@ -184,7 +184,7 @@ fn from_teeth(node: &Node, law: &Law, engaged: Option<&Engaged>) -> f64 {
 }
 
 /// Reads a mesh, phase 0, between two rotary masses, with its teeth if a rack is given.
-pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engaged>) -> Mesh {
+pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&GearPairing>) -> Mesh {
     let (law_node, stiffness_node) = (node.at("law"), node.at("stiffness"));
     let flanks = if node.at("flanks").text() == "drive" { Flanks::Drive } else { Flanks::Both };
     let law = law::read(&law_node);
@@ -231,7 +231,7 @@ pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engage
 }
 
 /// Reads the stiffness of a law: one for a compliant law, none for a rigid one.
-fn own_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStiffness {
+fn own_stiffness(node: &Node, law: &Law, engaged: Option<&GearPairing>) -> MeshStiffness {
     match (law, node.clone().written()) {
         (Law::Rigid(_), None) => MeshStiffness::Constant(0.0),
         (Law::Rigid(_), Some(written)) => {
@@ -247,13 +247,13 @@ fn own_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStiff
 }
 
 /// Reads mean and harmonics of an error.
-fn read_error(node: &Node, engaged: Option<&Engaged>) -> (f64, Vec<MeshHarmonic>) {
+fn read_error(node: &Node, engaged: Option<&GearPairing>) -> (f64, Vec<MeshHarmonic>) {
     let measured = curve::is_curve(node).then(|| curve::mesh_error(node, teeth(engaged))).flatten();
     measured.unwrap_or_else(|| (0.0, read_sines(node)))
 }
 
 /// Reads the back flank; missing keys are those of the drive flank.
-fn read_back(node: &Node, mesh: &Mesh, engaged: Option<&Engaged>) -> MeshBack {
+fn read_back(node: &Node, mesh: &Mesh, engaged: Option<&GearPairing>) -> MeshBack {
     let stiffness = node.at("stiffness").written().map(|written| own_stiffness(&written, &mesh.law, engaged));
     let error = node.at("error").written().map(|written| read_error(&written, engaged));
     let offset = node.at("error_offset_m").written().map(|offset| offset.number());

@@ -83,7 +83,7 @@ pub struct Scene {
     name: String,
     given: Value,
     resolved: Value,
-    built: Built,
+    built: BuiltScene,
 }
 
 impl From<&Scene> for Scene {
@@ -94,7 +94,7 @@ impl From<&Scene> for Scene {
 
 /// Result of a scene: a train in its common form, a start and a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Built {
+pub struct BuiltScene {
     /// The train.
     pub spec: Spec,
     /// Coordinates at the start, m, `[n]`.
@@ -306,7 +306,7 @@ impl Scene {
 
     /// Returns the train, the start and the run.
     #[must_use]
-    pub fn built(&self) -> &Built {
+    pub fn built(&self) -> &BuiltScene {
         &self.built
     }
 
@@ -314,12 +314,12 @@ impl Scene {
     ///
     /// # Errors
     /// Never: a scene is built when it is read.
-    pub fn build(&self) -> Result<Built, SceneError> {
+    pub fn build(&self) -> Result<BuiltScene, SceneError> {
         Ok(self.built.clone())
     }
 
     /// Returns name, resolved scene, and its result.
-    pub(crate) fn into_parts(self) -> (String, Value, Built) {
+    pub(crate) fn into_parts(self) -> (String, Value, BuiltScene) {
         (self.name, self.resolved, self.built)
     }
 
@@ -330,7 +330,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError`] if there is no number at a pointer, or no train with these numbers.
-    pub fn build_with<'a>(&self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
+    pub fn build_with<'a>(&self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<BuiltScene, SceneError> {
         Variant::new(self).build(numbers)
     }
 }
@@ -388,7 +388,7 @@ impl<'s> Variant<'s> {
     }
 
     /// Builds as [`Scene::build_with`] does; numbers set by earlier calls, even failed ones, keep their values.
-    pub fn build<'a>(&mut self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
+    pub fn build<'a>(&mut self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<BuiltScene, SceneError> {
         let name = &self.scene.name;
         for (pointer, number) in numbers {
             let place = self.resolved.pointer_mut(pointer).filter(|place| place.is_number());

@@ -2,7 +2,7 @@
 
 use super::{
     body, build, curve, load,
-    mesh::{self, Engaged},
+    mesh::{self, GearPairing},
     node::Node,
     plausible::{self, LUMPED},
 };
@@ -17,7 +17,7 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
     let gear = |node: &Node| Gear { teeth: node.at("teeth").whole() as u32, shift: node.at("profile_shift").number() };
     let rack = node.at("rack");
     let gears = [gear(&driving), gear(&driven)];
-    let engaged = Engaged::new(&rack, mesh::read_rack(&rack), gears, MeshKind::External, [&driving, &driven])?;
+    let engaged = GearPairing::new(&rack, mesh::read_rack(&rack), gears, MeshKind::External, [&driving, &driven])?;
     let [first, second] = engaged.geometry.base_radii.map(Some);
     let (one, two) = (body::read(&driving, first), body::read(&driven, second));
     let mut mesh = mesh::read(&node.at("mesh"), [one.rotary_mass, two.rotary_mass], Some(&engaged));

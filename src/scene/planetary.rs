@@ -2,7 +2,7 @@
 
 use super::{
     body, build, curve, load,
-    mesh::{self, Engaged, ToothMesh},
+    mesh::{self, GearPairing, ToothMesh},
     node::Node,
     plausible::{self, LUMPED},
 };
@@ -54,7 +54,7 @@ fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
     let (sun_engaged, ring_engaged, rack_phase) = match node.at("rack").written() {
         Some(rack) => {
             let gears = read_gears(&rack, teeth);
-            let engaged = |of, kind, widths| Engaged::new(&rack, gears.rack, of, kind, widths).map(Some);
+            let engaged = |of, kind, widths| GearPairing::new(&rack, gears.rack, of, kind, widths).map(Some);
             (
                 engaged([gears.sun, gears.planet], MeshKind::External, [&sun_node, &planet_node])?,
                 engaged([gears.planet, gears.ring], MeshKind::Internal, [&planet_node, &ring_node])?,
@@ -63,13 +63,13 @@ fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
         }
         None => (None, None, 0.0),
     };
-    let angle = |stem: &str, engaged: &Option<Engaged>| {
+    let angle = |stem: &str, engaged: &Option<GearPairing>| {
         mesh::read_angle(node, stem).or(engaged.map(|e| e.geometry.pressure_angle)).unwrap_or_else(|| {
             node.at(&format!("{stem}_deg")).refuse("an angle in degrees", "add the working pressure angle, or a rack");
             0.0
         })
     };
-    let radius = |engaged: &Option<Engaged>, i: usize| engaged.map(|e| e.geometry.base_radii[i]);
+    let radius = |engaged: &Option<GearPairing>, i: usize| engaged.map(|e| e.geometry.base_radii[i]);
     let sun = body::read(&sun_node, radius(&sun_engaged, 0));
     let planet = body::read(&planet_node, radius(&sun_engaged, 1));
     let ring = body::read(&ring_node, radius(&ring_engaged, 1));
@@ -140,7 +140,7 @@ fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
 }
 
 /// Returns the sun mesh or the ring mesh of a stage that is given by base radii.
-fn guess(stage: &Planetary, is_sun: bool) -> Option<Engaged> {
+fn guess(stage: &Planetary, is_sun: bool) -> Option<GearPairing> {
     let (z, angle) = if is_sun {
         (stage.teeth.sun, stage.sun_pressure_angle)
     } else {
@@ -154,7 +154,7 @@ fn guess(stage: &Planetary, is_sun: bool) -> Option<Engaged> {
     let kind = if is_sun { MeshKind::External } else { MeshKind::Internal };
     let gears = [one, two].map(|teeth| Gear { teeth, shift: 0.0 });
     let geometry = MeshGeometry::new(&rack, gears[0], gears[1], kind).ok()?;
-    Some(Engaged { rack, gears, geometry, face_width: None })
+    Some(GearPairing { rack, gears, geometry, face_width: None })
 }
 
 fn read_gears(rack: &Node, teeth: Teeth) -> StageGeometry {

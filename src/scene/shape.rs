@@ -100,7 +100,7 @@ pub(super) struct Object {
     pub about: String,
     pub fields: Vec<Field>,
     /// Keys that exclude each other.
-    pub groups: Vec<Group>,
+    pub groups: Vec<KeyGroup>,
     /// True if a part suffices, with the rest from a preset.
     pub partial: bool,
     /// Keys in frequent mistakes, with the right key.
@@ -109,7 +109,7 @@ pub(super) struct Object {
 
 /// Keys of which at most one, or exactly one, is written.
 #[derive(Clone, Debug)]
-pub(super) struct Group {
+pub(super) struct KeyGroup {
     pub keys: Vec<String>,
     /// True if one of them is needed.
     pub needed: bool,
@@ -248,7 +248,7 @@ impl Reader<'_> {
         }
         for (name, needed) in [("one of", true), ("at most one of", false)] {
             for keys in value[name].as_array().into_iter().flatten() {
-                object.groups.push(Group { keys: texts(keys).iter().map(|key| own.key(key)).collect(), needed });
+                object.groups.push(KeyGroup { keys: texts(keys).iter().map(|key| own.key(key)).collect(), needed });
             }
         }
         for pair in value["mistakes"].as_array().into_iter().flatten() {

@@ -3,7 +3,7 @@
 use super::{build, contact, curve, harmonics, law, load, matrices, node::Node};
 use crate::{
     system::{Flanks, Spec},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 
 pub(super) fn read(node: &Node) -> Option<Spec> {
@@ -30,7 +30,7 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
             (Walls::Between { half_gap }, law)
         }
     };
-    let walled = Walled {
+    let walled = WalledOscillator {
         mass: number("mass_kg"),
         damping: number("damping_n_s_per_m"),
         stiffness: number("stiffness_n_per_m"),

@@ -8,7 +8,7 @@ use std::{
 
 use super::{
     IntegratorUsed, Provenance, RunEnd, Simulation, SimulationError, Summary, TrainUsed,
-    rows::Rows,
+    rows::EventRows,
     samples::{SampleFile, sample_grid},
 };
 use crate::{
@@ -131,8 +131,8 @@ impl<'a> Job<'a> {
         let mut folder = request.map(|request| request.open()).transpose()?;
         let mut file = |name: &str| folder.as_mut().filter(|_| logged).map(|folder| folder.create(name)).transpose();
         let files = [file(EVENTS)?, file(TABLE)?];
-        let mut rows =
-            Rows::new(files, simulation.dimensionless, is_kept).map_err(|error| SimulationError::File(TABLE, error))?;
+        let mut rows = EventRows::new(files, simulation.dimensionless, is_kept)
+            .map_err(|error| SimulationError::File(TABLE, error))?;
         let file = folder.as_mut().filter(|_| sampled).map(|folder| folder.create(TRAJECTORY)).transpose()?;
         let mut samples = file.map(|file| SampleFile::new(simulation, BufWriter::new(file)));
 
@@ -153,7 +153,7 @@ impl<'a> Job<'a> {
             None => ControlFlow::Continue(()),
         });
         let clock = structure.clock();
-        let mut watch = Watchman { task, clock, from, span: clock.between(from, end), steps: 0 };
+        let mut watch = ProgressObserver { task, clock, from, span: clock.between(from, end), steps: 0 };
         let measures = ((&mut log, &mut check), (&mut ledger, (&mut transmission, &mut bearings)));
         let result = engine.run(end, &mut (((&mut inherited, measures), (&mut trajectory, &mut watch)), &mut observer));
         let state = engine.state();
@@ -254,7 +254,7 @@ fn alarm(
 }
 
 /// Observer that reports the progress of a run, and interrupts it once its task is cancelled.
-struct Watchman<'a> {
+struct ProgressObserver<'a> {
     task: Task<'a>,
     clock: &'a Clock,
     from: Instant,
@@ -262,7 +262,7 @@ struct Watchman<'a> {
     steps: u32,
 }
 
-impl Observer for Watchman<'_> {
+impl Observer for ProgressObserver<'_> {
     fn step(&mut self, _: &Mode, step: &dyn DenseStep, _: f64) -> ControlFlow<()> {
         self.steps = (self.steps + 1) % EVERY;
         if self.steps == 0 {

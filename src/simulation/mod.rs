@@ -25,14 +25,14 @@ pub use job::{Job, RunRecord};
 pub use parameter::Parameter;
 pub use report::{ContactAtStart, MeshOfTeeth, Mode, Order, Report, Share, Speed};
 pub use rows::{event_head, event_lines};
-pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
+pub use summary::{EndKind, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
 
 use crate::{
     engine::{Engine, Observer, Options, State},
     gear::contact::Law,
     hybrid::{Clock, ContactView, HybridSystem, Instant, Watch, Wide},
     integrate::{Integrator, build},
-    scene::{Built, Duration, Fault, Memory, Run, Scene, SceneError, ToothMesh, Warning, hash},
+    scene::{BuiltScene, Duration, Fault, Memory, Run, Scene, SceneError, ToothMesh, Warning, hash},
     system::{ContactMode, Spec, Structure, bonded_modes},
     train::Drawing,
     verify::Verifier,
@@ -117,7 +117,7 @@ impl Simulation {
     ///
     /// # Errors
     /// [`SimulationError::Assemble`].
-    pub fn from_built(name: &str, built: Built) -> Result<Self, SimulationError> {
+    pub fn from_built(name: &str, built: BuiltScene) -> Result<Self, SimulationError> {
         Ok(Self {
             name: name.to_owned(),
             structure: Structure::new(built.spec)?.by(built.run.instructions),
@@ -159,7 +159,7 @@ impl Simulation {
         let (meshes, speeds, warnings, start_faults) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self::from_built(
             name,
-            Built {
+            BuiltScene {
                 spec,
                 q0,
                 v0,

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::scene::{Built, Scene, SceneError};
+use crate::scene::{BuiltScene, Scene, SceneError};
 
 /// Numbers of a scene that move together. The first takes the value; each further frequency is multiplied by the ratio of that to the
 /// scene's value, each period is divided by it.
@@ -117,7 +117,7 @@ impl Parameter {
     ///
     /// # Errors
     /// [`SceneError`] if the scene is invalid there.
-    pub fn build(&self, scene: &Scene, value: f64) -> Result<Built, SceneError> {
+    pub fn build(&self, scene: &Scene, value: f64) -> Result<BuiltScene, SceneError> {
         match self.holds {
             Some([low, high]) if (low..=high).contains(&value) => scene.build_with(self.values(value)),
             _ => self.set(scene, value)?.build(),

@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Writer of event rows: to files, one JSON object a line and one line of a table for each contact, or to memory. Stores the first error.
-pub(super) struct Rows {
+pub(super) struct EventRows {
     /// Each line reaches a file as it is written.
     files: [Option<LineWriter<File>>; 2],
     error: Option<io::Error>,
@@ -59,7 +59,7 @@ pub fn event_lines(row: &EventRow) -> impl Iterator<Item = String> {
     row.contacts.iter().map(move |contact| csv_line(COLUMNS.iter().map(|(.., cell)| cell(row, contact))))
 }
 
-impl Rows {
+impl EventRows {
     /// Writes to these files, the table with its head; stores the rows if `is_kept`.
     pub fn new(files: [Option<File>; 2], is_dimensionless: bool, is_kept: bool) -> io::Result<Self> {
         let mut files = files.map(|file| file.map(LineWriter::new));

@@ -96,7 +96,7 @@ pub struct IntegratorUsed {
 /// Kind of end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Ended {
+pub enum EndKind {
     /// The run reached its planned end.
     ReachedEnd,
     /// Its [`Task`](crate::Task) was cancelled.
@@ -113,7 +113,7 @@ pub enum Ended {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunEnd {
     /// Kind of the end.
-    pub kind: Ended,
+    pub kind: EndKind,
     /// Failure, in words.
     pub reason: Option<String>,
     /// Time, s, in 32 digits.
@@ -140,11 +140,11 @@ impl RunEnd {
         state: &State,
     ) -> Self {
         let kind = match result {
-            Ok(Outcome::ReachedEnd) => Ended::ReachedEnd,
-            Ok(Outcome::StoppedByObserver) if is_cancelled => Ended::Interrupted,
-            Ok(Outcome::StoppedByObserver) => Ended::Stopped,
-            Ok(Outcome::EventBudgetSpent) => Ended::EventBudgetSpent,
-            Err(_) => Ended::Failed,
+            Ok(Outcome::ReachedEnd) => EndKind::ReachedEnd,
+            Ok(Outcome::StoppedByObserver) if is_cancelled => EndKind::Interrupted,
+            Ok(Outcome::StoppedByObserver) => EndKind::Stopped,
+            Ok(Outcome::EventBudgetSpent) => EndKind::EventBudgetSpent,
+            Err(_) => EndKind::Failed,
         };
         let (t, n) = (simulation.clock().time(state.at), simulation.structure.freedoms());
         Self {
@@ -162,7 +162,7 @@ impl RunEnd {
 
     /// Marks a run as failed, for numbers that contradict each other, wherever it ended.
     pub(super) fn fail(&mut self, failure: &SimulationError) {
-        self.kind = Ended::Failed;
+        self.kind = EndKind::Failed;
         self.reason.get_or_insert_with(|| failure.to_string());
     }
 }

@@ -11,13 +11,13 @@ use super::{
 use super::{figures::families, steady::ContactSteady};
 #[cfg(feature = "plot")]
 use crate::{
-    branch::Kind,
+    branch::SpecialKind,
     output::five_digits,
     plot::{Axis, Band, Figure, Note, Panel, Series, Style},
     simulation::Parameter,
 };
 use crate::{
-    branch::{Branch, Codimension, Curve, Family, Point, Special},
+    branch::{Branch, BranchPoint, Codimension, Curve, Family, Special},
     orbit::{self, Motion, components},
     output::{csv_line, number},
     task::Task,
@@ -37,16 +37,16 @@ const LARGEST: f64 = 3.0;
 const FIRST_COLOUR: usize = 1;
 /// Kinds of special points.
 #[cfg(feature = "plot")]
-const KINDS: [Kind; 9] = [
-    Kind::Fold,
-    Kind::PeriodDoubling,
-    Kind::Torus,
-    Kind::Symmetry,
-    Kind::GrazingSoft,
-    Kind::GrazingDamped,
-    Kind::GrazingRigid,
-    Kind::Stick,
-    Kind::Coincidence,
+const KINDS: [SpecialKind; 9] = [
+    SpecialKind::Fold,
+    SpecialKind::PeriodDoubling,
+    SpecialKind::Torus,
+    SpecialKind::Symmetry,
+    SpecialKind::GrazingSoft,
+    SpecialKind::GrazingDamped,
+    SpecialKind::GrazingRigid,
+    SpecialKind::Stick,
+    SpecialKind::Coincidence,
 ];
 
 /// Branches that are measured as they are finished.
@@ -77,16 +77,16 @@ impl Branches {
     /// Adds further branches, and measures their points.
     pub fn take(&mut self, branches: &[Branch], task: Task<'_>) {
         for branch in &branches[self.branches.len()..] {
-            let measure = |point: &Point| self.measure(point, task);
+            let measure = |point: &BranchPoint| self.measure(point, task);
             self.measures.push(branch.points.par_iter().map(measure).collect());
             self.branches.push(branch.clone());
         }
     }
 
-    fn measure(&self, point: &Point, task: Task<'_>) -> Option<Steady> {
+    fn measure(&self, point: &BranchPoint, task: Task<'_>) -> Option<Steady> {
         let simulation = self.family.at(point.value).ok()?;
         let motion = Motion {
-            kind: orbit::Kind::Periodic,
+            kind: orbit::MotionKind::Periodic,
             period: Some(point.period),
             word: Some(point.word.clone()),
             multiplier: Some(point.multiplier),
@@ -181,13 +181,13 @@ impl Branches {
             let of = |value: &dyn Fn(&ContactSteady) -> Option<f64>, steady: &Option<Steady>| {
                 steady.as_ref().and_then(|steady| value(steady.contacts.get(j)?))
             };
-            let amplitudes = |_: &Point, steady: &Option<Steady>| of(&amplitude, steady);
-            let apart = |_: &Point, steady: &Option<Steady>| of(&|c| Some(c.report.apart_fraction), steady);
+            let amplitudes = |_: &BranchPoint, steady: &Option<Steady>| of(&amplitude, steady);
+            let apart = |_: &BranchPoint, steady: &Option<Steady>| of(&|c| Some(c.report.apart_fraction), steady);
             for (label, unit, value) in [
                 (
                     "amplitude of the deflection",
                     unit("m"),
-                    &amplitudes as &dyn Fn(&Point, &Option<Steady>) -> Option<f64>,
+                    &amplitudes as &dyn Fn(&BranchPoint, &Option<Steady>) -> Option<f64>,
                 ),
                 ("time apart / period", "", &apart),
             ] {
@@ -198,7 +198,7 @@ impl Branches {
             }
         }
         panels.push(self.panel("largest multiplier", "", &|point, _| Some(point.multiplier).filter(|m| *m <= LARGEST)));
-        let counted = |kind: Kind| (kind, self.specials().filter(|special| special.kind == kind).count());
+        let counted = |kind: SpecialKind| (kind, self.specials().filter(|special| special.kind == kind).count());
         let counts = KINDS.map(counted).into_iter().filter(|(_, count)| *count > 0);
         let counts: Vec<String> = counts.map(|(kind, count)| format!("{count} {}", kind.word())).collect();
         let levels = if self.branches.len() > 1 {
@@ -253,12 +253,12 @@ impl Branches {
     /// Returns the bands of the parameter in which an orbit touches both flanks of contact `j`.
     #[cfg(feature = "plot")]
     fn double_sided(&self, j: usize) -> Vec<Band> {
-        let touches = |point: &Point, side: char| {
+        let touches = |point: &BranchPoint, side: char| {
             let tokens = point.word.split(' ').map(|token| token.trim_matches(['[', ']']));
             let place = format!("{j}{side}");
             tokens.into_iter().any(|token| token.starts_with(['c', 'i', 'z']) && token[1..] == place)
         };
-        let is_double = |point: &Point| touches(point, '+') && touches(point, '-');
+        let is_double = |point: &BranchPoint| touches(point, '+') && touches(point, '-');
         let pairs = self.branches.iter().flat_map(|branch| branch.points.windows(2));
         let mut parts: Vec<[f64; 2]> = pairs
             .filter(|pair| pair.iter().all(is_double))
@@ -284,7 +284,7 @@ impl Branches {
 
     /// Returns a panel of one value of the points.
     #[cfg(feature = "plot")]
-    fn panel(&self, label: &str, unit: &str, value: &dyn Fn(&Point, &Option<Steady>) -> Option<f64>) -> Panel {
+    fn panel(&self, label: &str, unit: &str, value: &dyn Fn(&BranchPoint, &Option<Steady>) -> Option<f64>) -> Panel {
         let mut panel = Panel {
             title: label.to_owned(),
             x: self.axis().between(self.family.from, self.family.to),

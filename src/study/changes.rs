@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 use super::{
     StudyError,
     figures::{Context, Quantity, number},
-    threshold::{By, Search, locate},
+    threshold::{LossCriterion, ThresholdSearch, locate},
 };
 use crate::{output::Table, scene::Scene};
 
@@ -79,7 +79,7 @@ impl Changes {
         context: &Context<'_>,
         scene: &Scene,
         ([load, speed], speeds): (&[Quantity; 2], &[f64]),
-        search: &Search,
+        search: &ThresholdSearch,
     ) -> Result<Vec<Effect>, StudyError> {
         let steady = |scene: &Scene, rpm: f64| context.steady(&scene.with(&speed.pointer, json!(rpm))?, None);
         context.each(&self.changes, |change| {
@@ -90,7 +90,7 @@ impl Changes {
             let apart = apart.collect::<Result<_, StudyError>>()?;
             let at = changed.with(&speed.pointer, json!(self.threshold_at))?;
             let largest = context.steady(&at, None)?.expect(&self.contact, scene)?.report.force_max.unwrap_or_default();
-            let threshold = locate(context, &at, &load.pointer, (&self.contact, By::Deflection), search)?;
+            let threshold = locate(context, &at, &load.pointer, (&self.contact, LossCriterion::Deflection), search)?;
             Ok(Effect { words: change.words.clone(), apart, threshold: threshold.middle().unwrap_or(0.0), largest })
         })
     }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::{
-    Kind, StudyError,
+    FigureKind, StudyError,
     expression::{evaluate, fill},
     fit::ClaimKey,
 };
@@ -73,7 +73,7 @@ pub(super) fn numbers(place: &str, quantity: &str, (published, found): (f64, f64
 /// Claims about one figure.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-struct Group {
+struct ClaimGroup {
     /// Expression that is true if the claims about the figure apply.
     when: Option<String>,
     /// Names for expressions, `name = expression`, in order.
@@ -123,7 +123,7 @@ struct Claim {
 /// Claims of one source, by figure.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 pub struct Claims {
-    figures: BTreeMap<String, Group>,
+    figures: BTreeMap<String, ClaimGroup>,
 }
 
 impl Claims {
@@ -142,7 +142,7 @@ impl Claims {
     }
 
     /// Returns the claims about a figure that a fit judges.
-    pub(super) fn keys(&self, kind: Kind) -> impl Iterator<Item = ClaimKey> {
+    pub(super) fn keys(&self, kind: FigureKind) -> impl Iterator<Item = ClaimKey> {
         let claims = self.figures.get(kind.id()).map(|group| group.claims.as_slice()).unwrap_or_default();
         let judged = claims.iter().enumerate().filter(|(_, claim)| claim.verdict.is_none());
         judged.map(move |(number, claim)| ClaimKey {
@@ -169,7 +169,7 @@ impl Claims {
     }
 }
 
-impl Group {
+impl ClaimGroup {
     fn compare(&self, facts: Value) -> Result<Vec<Comparison>, String> {
         let mut names = match facts {
             Value::Object(facts) => facts,

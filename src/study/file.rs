@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::Value;
 
-use super::{Kind, StudyError, claims::Claims, fit::Question, plan::Plan};
+use super::{FigureKind, StudyError, claims::Claims, fit::Question, plan::Plan};
 use crate::{scene::Scene, sweep::Axis};
 
 /// Study in the form of its file.
@@ -49,7 +49,7 @@ pub struct Section {
 pub struct Plot {
     /// Kind of the plot.
     #[serde(rename = "plot")]
-    pub kind: Kind,
+    pub kind: FigureKind,
     /// Name of its scene.
     #[serde(default = "only")]
     pub scene: String,
@@ -133,7 +133,8 @@ impl StudyFile {
         if self.flank_study != 1 {
             return Err(StudyError::File(format!("flank_study is {}; this version reads 1", self.flank_study)));
         }
-        let kinds: Vec<Kind> = self.sections.iter().flat_map(|section| &section.plots).map(|plot| plot.kind).collect();
+        let kinds: Vec<FigureKind> =
+            self.sections.iter().flat_map(|section| &section.plots).map(|plot| plot.kind).collect();
         if let Some(kind) = kinds.iter().enumerate().find_map(|(i, kind)| kinds[..i].contains(kind).then_some(kind)) {
             return Err(StudyError::File(format!("{} is plotted twice; a study has each plot once", kind.id())));
         }

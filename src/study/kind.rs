@@ -2,9 +2,9 @@ macro_rules! kinds {
     ($($(#[$about:meta])* $kind:ident = $id:literal,)*) => {
         /// A figure a study can make.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-        pub enum Kind { $($(#[$about])* #[serde(rename = $id)] $kind,)* }
+        pub enum FigureKind { $($(#[$about])* #[serde(rename = $id)] $kind,)* }
 
-        impl Kind {
+        impl FigureKind {
             /// All of them, in the order of a report.
             pub const ALL: [Self; [$($id),*].len()] = [$(Self::$kind),*];
 
@@ -46,7 +46,7 @@ kinds! {
     Values = "values",
 }
 
-impl Kind {
+impl FigureKind {
     /// Returns whether it is a table of a list in the file of a study.
     #[must_use]
     pub fn is_table(self) -> bool {

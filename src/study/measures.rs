@@ -5,50 +5,50 @@ use crate::{analysis::BearingReport, output::Fault, system::Structure};
 
 /// Measure of each contact, or of each bearing.
 #[derive(Debug)]
-enum Of {
+enum MeasureScope {
     Contact(fn(&ContactSteady) -> Option<f64>),
     Bearing(fn(&BearingReport) -> f64),
 }
 
 /// Column of each contact or bearing: its name, its unit, the value.
 #[derive(Debug)]
-struct Measure(&'static str, &'static str, Of);
+struct Measure(&'static str, &'static str, MeasureScope);
 
 const ALL: [Measure; 34] = [
-    Measure("apart_fraction", "", Of::Contact(|c| Some(c.report.apart_fraction))),
-    Measure("no_force_fraction", "", Of::Contact(|c| Some(c.report.no_force_fraction))),
-    Measure("separations_per_cycle", "", Of::Contact(|c| c.report.separations_per_cycle)),
-    Measure("contacts_per_cycle", "", Of::Contact(|c| c.report.contacts_per_cycle)),
-    Measure("no_force_mean", "_s", Of::Contact(|c| c.report.durations.mean)),
-    Measure("no_force_longest", "_s", Of::Contact(|c| c.report.durations.max)),
-    Measure("force_mean", "_n", Of::Contact(|c| Some(c.report.force_mean))),
-    Measure("force_min", "_n", Of::Contact(|c| c.report.force_min)),
-    Measure("force_max", "_n", Of::Contact(|c| c.report.force_max)),
-    Measure("force_amplitude", "_n", Of::Contact(|c| Some(c.force_amplitude))),
-    Measure("force_harmonic_1", "_n", Of::Contact(|c| c.force_harmonics.first().copied())),
-    Measure("force_harmonic_2", "_n", Of::Contact(|c| c.force_harmonics.get(1).copied())),
-    Measure("deflection_min", "_m", Of::Contact(|c| c.report.deflection_min)),
-    Measure("deflection_max", "_m", Of::Contact(|c| c.report.deflection_max)),
-    Measure("transmission_mean", "_m", Of::Contact(|c| Some(c.transmission_mean))),
-    Measure("transmission_rms", "_m", Of::Contact(|c| Some(c.transmission_rms))),
-    Measure("transmission_peak_to_peak", "_m", Of::Contact(|c| Some(c.transmission_peak_to_peak))),
-    Measure("force_deviation", "_n", Of::Contact(|c| c.report.force_deviation)),
-    Measure("energy_loss_rate", "_w", Of::Contact(|c| Some(c.report.energy_loss_rate))),
-    Measure("impulse", "_n_s", Of::Contact(|c| Some(c.report.impulse))),
-    Measure("load_share", "", Of::Contact(|c| c.report.load_share)),
-    Measure("rattle_index", "", Of::Contact(|c| c.report.rattle_index)),
-    Measure("drive_impacts", "", Of::Contact(|c| Some(c.report.impacts.drive as f64))),
-    Measure("back_impacts", "", Of::Contact(|c| Some(c.report.impacts.back as f64))),
-    Measure("impacts_per_cycle", "", Of::Contact(|c| c.report.impacts.per_cycle)),
-    Measure("impact_speed_max", "_m_per_s", Of::Contact(|c| c.report.impacts.speed_max)),
-    Measure("impact_speed_mean", "_m_per_s", Of::Contact(|c| c.report.impacts.speed_mean)),
-    Measure("impact_speed_rms", "_m_per_s", Of::Contact(|c| c.report.impacts.speed_rms)),
-    Measure("impact_speed_50", "_m_per_s", Of::Contact(|c| c.report.impacts.speed_50)),
-    Measure("impact_speed_95", "_m_per_s", Of::Contact(|c| c.report.impacts.speed_95)),
-    Measure("impact_speed_99", "_m_per_s", Of::Contact(|c| c.report.impacts.speed_99)),
-    Measure("bearing_force_mean", "_n", Of::Bearing(|b| b.force_mean)),
-    Measure("bearing_force_deviation", "_n", Of::Bearing(|b| b.force_deviation)),
-    Measure("bearing_force_max", "_n", Of::Bearing(|b| b.force_max)),
+    Measure("apart_fraction", "", MeasureScope::Contact(|c| Some(c.report.apart_fraction))),
+    Measure("no_force_fraction", "", MeasureScope::Contact(|c| Some(c.report.no_force_fraction))),
+    Measure("separations_per_cycle", "", MeasureScope::Contact(|c| c.report.separations_per_cycle)),
+    Measure("contacts_per_cycle", "", MeasureScope::Contact(|c| c.report.contacts_per_cycle)),
+    Measure("no_force_mean", "_s", MeasureScope::Contact(|c| c.report.durations.mean)),
+    Measure("no_force_longest", "_s", MeasureScope::Contact(|c| c.report.durations.max)),
+    Measure("force_mean", "_n", MeasureScope::Contact(|c| Some(c.report.force_mean))),
+    Measure("force_min", "_n", MeasureScope::Contact(|c| c.report.force_min)),
+    Measure("force_max", "_n", MeasureScope::Contact(|c| c.report.force_max)),
+    Measure("force_amplitude", "_n", MeasureScope::Contact(|c| Some(c.force_amplitude))),
+    Measure("force_harmonic_1", "_n", MeasureScope::Contact(|c| c.force_harmonics.first().copied())),
+    Measure("force_harmonic_2", "_n", MeasureScope::Contact(|c| c.force_harmonics.get(1).copied())),
+    Measure("deflection_min", "_m", MeasureScope::Contact(|c| c.report.deflection_min)),
+    Measure("deflection_max", "_m", MeasureScope::Contact(|c| c.report.deflection_max)),
+    Measure("transmission_mean", "_m", MeasureScope::Contact(|c| Some(c.transmission_mean))),
+    Measure("transmission_rms", "_m", MeasureScope::Contact(|c| Some(c.transmission_rms))),
+    Measure("transmission_peak_to_peak", "_m", MeasureScope::Contact(|c| Some(c.transmission_peak_to_peak))),
+    Measure("force_deviation", "_n", MeasureScope::Contact(|c| c.report.force_deviation)),
+    Measure("energy_loss_rate", "_w", MeasureScope::Contact(|c| Some(c.report.energy_loss_rate))),
+    Measure("impulse", "_n_s", MeasureScope::Contact(|c| Some(c.report.impulse))),
+    Measure("load_share", "", MeasureScope::Contact(|c| c.report.load_share)),
+    Measure("rattle_index", "", MeasureScope::Contact(|c| c.report.rattle_index)),
+    Measure("drive_impacts", "", MeasureScope::Contact(|c| Some(c.report.impacts.drive as f64))),
+    Measure("back_impacts", "", MeasureScope::Contact(|c| Some(c.report.impacts.back as f64))),
+    Measure("impacts_per_cycle", "", MeasureScope::Contact(|c| c.report.impacts.per_cycle)),
+    Measure("impact_speed_max", "_m_per_s", MeasureScope::Contact(|c| c.report.impacts.speed_max)),
+    Measure("impact_speed_mean", "_m_per_s", MeasureScope::Contact(|c| c.report.impacts.speed_mean)),
+    Measure("impact_speed_rms", "_m_per_s", MeasureScope::Contact(|c| c.report.impacts.speed_rms)),
+    Measure("impact_speed_50", "_m_per_s", MeasureScope::Contact(|c| c.report.impacts.speed_50)),
+    Measure("impact_speed_95", "_m_per_s", MeasureScope::Contact(|c| c.report.impacts.speed_95)),
+    Measure("impact_speed_99", "_m_per_s", MeasureScope::Contact(|c| c.report.impacts.speed_99)),
+    Measure("bearing_force_mean", "_n", MeasureScope::Bearing(|b| b.force_mean)),
+    Measure("bearing_force_deviation", "_n", MeasureScope::Bearing(|b| b.force_deviation)),
+    Measure("bearing_force_max", "_n", MeasureScope::Bearing(|b| b.force_max)),
 ];
 
 /// Default measures of a table.
@@ -132,7 +132,8 @@ impl Measures {
     fn each(&self) -> impl Iterator<Item = (&String, &'static Measure)> {
         let of = |is_of_contact: bool| {
             move |name| {
-                let own = self.measures.iter().filter(move |m| matches!(m.2, Of::Contact(_)) == is_of_contact);
+                let own =
+                    self.measures.iter().filter(move |m| matches!(m.2, MeasureScope::Contact(_)) == is_of_contact);
                 own.map(move |measure| (name, *measure))
             }
         };
@@ -149,10 +150,12 @@ impl Measures {
         let Some(steady) = steady else { return vec![None; self.each().count()] };
         let [contacts, bearings] = [contacts(steady), bearings(steady)];
         let value = |(part, measure): (&String, &Measure)| match measure.2 {
-            Of::Contact(value) => {
+            MeasureScope::Contact(value) => {
                 contacts.iter().position(|name| name == part).and_then(|j| value(&steady.contacts[j]))
             }
-            Of::Bearing(value) => bearings.iter().position(|name| name == part).map(|j| value(&steady.bearings[j])),
+            MeasureScope::Bearing(value) => {
+                bearings.iter().position(|name| name == part).map(|j| value(&steady.bearings[j]))
+            }
         };
         self.each().map(value).collect()
     }
@@ -169,8 +172,8 @@ impl Measures {
     pub fn title(&self, is_dimensionless: bool) -> String {
         let Some(first) = self.measures.first() else { return String::new() };
         let (parts, all) = match first.2 {
-            Of::Contact(_) => (&self.contacts, "contacts"),
-            Of::Bearing(_) => (&self.bearings, "bearings"),
+            MeasureScope::Contact(_) => (&self.contacts, "contacts"),
+            MeasureScope::Bearing(_) => (&self.bearings, "bearings"),
         };
         let part = match &parts[..] {
             [part] => part.clone(),

@@ -36,7 +36,7 @@ mod values;
 
 pub use error::StudyError;
 pub use figures::Context;
-pub use kind::Kind;
+pub use kind::FigureKind;
 pub(crate) use measures::{Measures, numbered};
 pub(crate) use steady::measured;
-pub use steady_sweep::{Shown, SteadySweep, SweepRow};
+pub use steady_sweep::{ContactMeasures, SteadySweep, SweepRow};

@@ -1,13 +1,13 @@
 //! Report of a study.
 
 use super::{
-    Kind,
+    FigureKind,
     claims::{Comparison, Verdict},
     plan::{Entry, Plan},
 };
 use crate::{
     output::label,
-    plot::{Cell, Item, Report, Section, Table},
+    plot::{Item, Report, Section, Table, TableCell},
 };
 
 /// Contents of a report.
@@ -16,9 +16,9 @@ pub struct Contents {
     /// Title of the page.
     pub title: String,
     /// Entries in the order made.
-    pub entries: Vec<(Kind, Entry)>,
+    pub entries: Vec<(FigureKind, Entry)>,
     /// Requested plots that cannot be made, with the reasons.
-    pub missing: Vec<(Kind, String)>,
+    pub missing: Vec<(FigureKind, String)>,
     /// Contradictions within the source.
     pub contradictions: Vec<Comparison>,
     /// Origin of the page, line by line.
@@ -38,7 +38,7 @@ impl Contents {
         let mut sections = Vec::new();
         for section in &plan.sections {
             let mut items = Vec::new();
-            let has = |kind: Kind| section.plots.iter().any(|plot| plot.kind == kind);
+            let has = |kind: FigureKind| section.plots.iter().any(|plot| plot.kind == kind);
             for (_, entry) in self.entries.iter().filter(|(kind, _)| has(*kind)) {
                 if let Some(figure) = &entry.figure {
                     let mut figure = figure.clone();
@@ -106,8 +106,8 @@ impl Contents {
 fn table(title: &str, note: &str, rows: &[&Comparison]) -> Table {
     let cells = |row: &&Comparison| {
         let fitted = || format!("fitted to; {}", row.note).trim_end_matches("; ").to_owned();
-        let mut cells = [&row.place, &row.quantity, &row.published, &row.found].map(Cell::from).to_vec();
-        cells.push(Cell::judged(label(row.verdict), row.verdict));
+        let mut cells = [&row.place, &row.quantity, &row.published, &row.found].map(TableCell::from).to_vec();
+        cells.push(TableCell::judged(label(row.verdict), row.verdict));
         cells.push(if row.fitted { fitted() } else { row.note.clone() }.into());
         cells
     };

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use super::{
-    Kind, StudyError,
+    FigureKind, StudyError,
     changes::Changes,
     claims::{Claims, Comparison, Points},
     figures::{self, Context, ModeRow, Quantity, fraction_title},
@@ -11,8 +11,8 @@ use super::{
     fit::Question,
     questions::Questions,
     steady::ContactSteady,
-    threshold::{By, Search, Threshold, locate},
-    values::Values,
+    threshold::{LossCriterion, Threshold, ThresholdSearch, locate},
+    values::ReferenceRuns,
 };
 use crate::{
     output::Table,
@@ -118,10 +118,10 @@ impl Plan {
         let (loads, speeds) = (loads.map(risen), speeds.map(risen));
         for plot in self.sections.iter_mut().flat_map(|section| &mut section.plots) {
             let values = match plot.kind {
-                Kind::ApartVsLoad => loads.clone(),
-                Kind::Harmonics | Kind::ApartVsSpeed => speeds.clone(),
-                Kind::Waterfall => speeds.as_ref().map(|speeds| thinned(speeds, LINES)),
-                Kind::ThresholdVsSpeed => speeds.as_ref().map(|speeds| thinned(speeds, THRESHOLDS)),
+                FigureKind::ApartVsLoad => loads.clone(),
+                FigureKind::Harmonics | FigureKind::ApartVsSpeed => speeds.clone(),
+                FigureKind::Waterfall => speeds.as_ref().map(|speeds| thinned(speeds, LINES)),
+                FigureKind::ThresholdVsSpeed => speeds.as_ref().map(|speeds| thinned(speeds, THRESHOLDS)),
                 _ => None,
             };
             plot.values = values.or_else(|| plot.values.take());
@@ -131,7 +131,7 @@ impl Plan {
 
     /// Returns the kinds of its plots.
     #[must_use]
-    pub fn kinds(&self) -> Vec<Kind> {
+    pub fn kinds(&self) -> Vec<FigureKind> {
         let all = self.sections.iter().flat_map(|section| &section.plots);
         all.map(|plot| plot.kind).collect()
     }
@@ -145,10 +145,10 @@ impl Plan {
         })
     }
 
-    pub(super) fn plot(&self, kind: Kind) -> Result<&Plot, StudyError> {
+    pub(super) fn plot(&self, kind: FigureKind) -> Result<&Plot, StudyError> {
         let plot = self.sections.iter().flat_map(|section| &section.plots).find(|plot| plot.kind == kind);
         plot.ok_or_else(|| {
-            let ids: Vec<&str> = self.kinds().into_iter().map(Kind::id).collect();
+            let ids: Vec<&str> = self.kinds().into_iter().map(FigureKind::id).collect();
             StudyError::File(format!("this study has no {}; it has {}", kind.id(), ids.join(", ")))
         })
     }
@@ -173,14 +173,14 @@ impl Plan {
         };
         let speeds = || own(self.speed(scene)).map_or_else(Vec::new, |speed| evenly(0.1 * speed, 2.0 * speed, 39));
         match plot.kind {
-            Kind::ApartVsLoad => own(self.load(scene)).map_or_else(Vec::new, |load| match load {
+            FigureKind::ApartVsLoad => own(self.load(scene)).map_or_else(Vec::new, |load| match load {
                 0.0 => evenly(0.0, 40.0, 41),
                 load => evenly(0.0, 2.0 * load, 41),
             }),
-            Kind::Harmonics | Kind::ApartVsSpeed => speeds(),
-            Kind::Waterfall => thinned(&speeds(), LINES),
-            Kind::ThresholdVsSpeed => thinned(&speeds(), THRESHOLDS),
-            Kind::Cycles => own(self.load(scene)).into_iter().collect(),
+            FigureKind::Harmonics | FigureKind::ApartVsSpeed => speeds(),
+            FigureKind::Waterfall => thinned(&speeds(), LINES),
+            FigureKind::ThresholdVsSpeed => thinned(&speeds(), THRESHOLDS),
+            FigureKind::Cycles => own(self.load(scene)).into_iter().collect(),
             _ => own(self.speed(scene)).into_iter().collect(),
         }
     }
@@ -192,8 +192,11 @@ impl Plan {
         for plot in self.sections.iter().flat_map(|section| &section.plots) {
             let Ok(scene) = self.scene(&plot.scene) else { continue };
             let varied = match plot.kind {
-                Kind::ApartVsLoad | Kind::Cycles => self.load(scene),
-                Kind::Harmonics | Kind::ApartVsSpeed | Kind::Waterfall | Kind::ThresholdVsSpeed => self.speed(scene),
+                FigureKind::ApartVsLoad | FigureKind::Cycles => self.load(scene),
+                FigureKind::Harmonics
+                | FigureKind::ApartVsSpeed
+                | FigureKind::Waterfall
+                | FigureKind::ThresholdVsSpeed => self.speed(scene),
                 _ => continue,
             };
             let Ok(Quantity { pointer, .. }) = varied else { continue };
@@ -205,17 +208,17 @@ impl Plan {
 
     /// Returns the approximate number of scenes run for a plot, the unit of progress.
     #[must_use]
-    pub fn runs(&self, kind: Kind) -> usize {
+    pub fn runs(&self, kind: FigureKind) -> usize {
         let Ok(plot) = self.plot(kind) else { return 0 };
         let count = self.scene(&plot.scene).map_or(0, |scene| self.values(plot, scene).len());
         match kind {
-            Kind::Forces | Kind::History | Kind::Modes => 1,
-            Kind::Values | Kind::Identification => 160,
-            Kind::Changes => 18 * 22,
-            Kind::Waterfall | Kind::Harmonics | Kind::Cycles | Kind::Trajectories => count,
-            Kind::ApartVsLoad => 3 * count + 20,
-            Kind::ApartVsSpeed => 3 * count,
-            Kind::ThresholdVsSpeed => 20 * count,
+            FigureKind::Forces | FigureKind::History | FigureKind::Modes => 1,
+            FigureKind::Values | FigureKind::Identification => 160,
+            FigureKind::Changes => 18 * 22,
+            FigureKind::Waterfall | FigureKind::Harmonics | FigureKind::Cycles | FigureKind::Trajectories => count,
+            FigureKind::ApartVsLoad => 3 * count + 20,
+            FigureKind::ApartVsSpeed => 3 * count,
+            FigureKind::ThresholdVsSpeed => 20 * count,
         }
     }
 
@@ -223,7 +226,7 @@ impl Plan {
     ///
     /// # Errors
     /// [`StudyError`] of the runs, or of a scene without data for the plot; [`StudyError::Interrupted`] once the task is cancelled.
-    pub fn make(&self, kind: Kind, context: &Context<'_>) -> Result<Entry, StudyError> {
+    pub fn make(&self, kind: FigureKind, context: &Context<'_>) -> Result<Entry, StudyError> {
         if context.task.is_cancelled() {
             return Err(StudyError::Interrupted);
         }
@@ -244,7 +247,7 @@ impl Plan {
         };
         let hasty = Context { rule: floating(context), ..*context };
         Ok(match kind {
-            Kind::Modes => {
+            FigureKind::Modes => {
                 let (figure, rows) = figures::modes(scene, highest)?;
                 let named = |row: &ModeRow| {
                     let (part, share) = row.shares.first()?;
@@ -253,61 +256,61 @@ impl Plan {
                 let facts: Map<String, Value> = rows.iter().filter_map(named).collect();
                 Entry { listing: Some(figures::listing(&rows)), ..entry(figure, "all freedoms", facts.into())? }
             }
-            Kind::Identification => {
+            FigureKind::Identification => {
                 let questions: Questions = plot.table()?;
                 listed(questions.identified(|name| self.scene(name), context.task)?, "all freedoms")?
             }
-            Kind::Forces => {
+            FigureKind::Forces => {
                 let (figure, facts) = figures::forces(context, scene, highest)?;
                 entry(Some(figure), "", facts.into())?
             }
-            Kind::Waterfall => {
+            FigureKind::Waterfall => {
                 let modes = figures::modes(self.scene(plot.modes_of.as_deref().unwrap_or(&plot.scene))?, highest);
                 let natural = modes.map_or_else(|_| Vec::new(), |(_, rows)| rows);
                 let (figure, facts) =
                     figures::waterfall(context, scene, (&self.speed(scene)?, &values), &natural, highest)?;
                 entry(Some(figure), "speed varied", facts.into())?
             }
-            Kind::Harmonics => {
+            FigureKind::Harmonics => {
                 let (figure, facts) = figures::harmonics(context, scene, (&self.speed(scene)?, &values))?;
                 entry(Some(figure), "speed varied", facts.into())?
             }
-            Kind::Cycles => {
+            FigureKind::Cycles => {
                 let varied = [self.load(scene).ok(), self.speed(scene).ok()];
                 let (figure, found) = figures::cycles(context, scene, varied, &values)?;
                 entry(Some(figure), "load varied", found.into())?
             }
-            Kind::ApartVsLoad => {
+            FigureKind::ApartVsLoad => {
                 let (figure, facts) = self.by_load(context, scene, &values)?;
                 entry(Some(figure), "load varied", facts)?
             }
-            Kind::ApartVsSpeed => {
+            FigureKind::ApartVsSpeed => {
                 let (mut figure, curves) =
                     figures::apart(context, scene, (kind.id(), self.is_coarse), (&self.speed(scene)?, &values))?;
                 self.publish(&mut figure, &last_family(scene)?);
                 entry(Some(figure), "speed varied", figures::facts(&curves, &values))?
             }
-            Kind::ThresholdVsSpeed => {
+            FigureKind::ThresholdVsSpeed => {
                 let (stem, varied) = (last_family(scene)?, [self.load(scene)?, self.speed(scene)?]);
                 let (figure, facts) =
                     figures::threshold(context, scene, &stem, (&varied, &values), &self.search(scene))?;
                 entry(Some(figure), "speed and load varied", facts)?
             }
-            Kind::Changes => {
+            FigureKind::Changes => {
                 let changes: Changes = plot.table()?;
                 let varied = [self.load(scene)?, self.speed(scene)?];
                 let effects = changes.effects(context, scene, (&varied, &values), &self.search(scene))?;
                 listed(changes.listing(&effects, (&varied, &values)), "numbers varied")?
             }
-            Kind::Values => {
-                let table: Values = plot.table()?;
+            FigureKind::Values => {
+                let table: ReferenceRuns = plot.table()?;
                 listed(table.compared(context, self)?, "and others")?
             }
-            Kind::Trajectories => {
+            FigureKind::Trajectories => {
                 let (figure, found) = figures::trajectories(&hasty, scene, (self.speed(scene).ok().as_ref(), &values))?;
                 entry(Some(figure), "speed varied", found.into())?
             }
-            Kind::History => {
+            FigureKind::History => {
                 let (scene, words) = match (self.speed(scene), values.first()) {
                     (Ok(speed), Some(value)) => {
                         (scene.with(&speed.pointer, json!(value))?, format!("{value} {}", speed.axis.unit))
@@ -323,7 +326,7 @@ impl Plan {
 
     /// Compares the claims about a plot with its measures. In a trial of a fit, `coarse` is true in them. In a study with numbers to find,
     /// a claim is fitted if a trial judges it.
-    fn compared(&self, kind: Kind, mut facts: Value) -> Result<Vec<Comparison>, StudyError> {
+    fn compared(&self, kind: FigureKind, mut facts: Value) -> Result<Vec<Comparison>, StudyError> {
         if let Value::Object(facts) = &mut facts {
             facts.insert("coarse".to_owned(), self.is_coarse.into());
         }
@@ -341,22 +344,22 @@ impl Plan {
     fn by_load(&self, context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Value), StudyError> {
         let load = self.load(scene)?;
         let (mut figure, curves) =
-            figures::apart(context, scene, (Kind::ApartVsLoad.id(), self.is_coarse), (&load, loads))?;
+            figures::apart(context, scene, (FigureKind::ApartVsLoad.id(), self.is_coarse), (&load, loads))?;
         let stem = last_family(scene)?;
         // The grid gives the range of the search: between its last load at which contact is lost and the next one.
-        let find = |by: By, time: fn(&ContactSteady) -> f64| {
+        let find = |by: LossCriterion, time: fn(&ContactSteady) -> f64| {
             let last = figures::along(&curves[0], &stem, time).iter().rposition(|time| *time > 0.0);
             let bracket = last.and_then(|i| Some([loads[i], *loads.get(i + 1)?]));
             match bracket {
                 Some(range) => {
-                    let search = Search { range, scan: 2, ..self.search(scene) };
+                    let search = ThresholdSearch { range, scan: 2, ..self.search(scene) };
                     locate(context, scene, &load.pointer, (&stem, by), &search)
                 }
                 None => Ok(last.map_or(Threshold::None, |i| Threshold::Beyond { value: loads[i] })),
             }
         };
-        let deflection = find(By::Deflection, |c| c.report.apart_time)?;
-        let force = find(By::Force, |c| c.report.no_force_time)?;
+        let deflection = find(LossCriterion::Deflection, |c| c.report.apart_time)?;
+        let force = find(LossCriterion::Force, |c| c.report.no_force_time)?;
         if let Some(panel) = fraction_panel(&mut figure, &stem) {
             for (threshold, words) in [(deflection, "between the flanks"), (force, "without force")] {
                 let guide = |x: f64| Guide::Vertical { x, name: format!("{words} up to {x:.2} {}", load.axis.unit) };
@@ -370,13 +373,17 @@ impl Plan {
     }
 
     /// Returns the range of loads in which thresholds of a scene are sought.
-    pub(super) fn search(&self, scene: &Scene) -> Search {
-        let loads = self.plot(Kind::ApartVsLoad).map_or_else(|_| Vec::new(), |plot| self.values(plot, scene));
+    pub(super) fn search(&self, scene: &Scene) -> ThresholdSearch {
+        let loads = self.plot(FigureKind::ApartVsLoad).map_or_else(|_| Vec::new(), |plot| self.values(plot, scene));
         let ends = |pick: fn(f64, f64) -> f64, start: f64| loads.iter().copied().fold(start, pick);
         let (low, high) = (ends(f64::min, f64::INFINITY), ends(f64::max, f64::NEG_INFINITY));
         // Thresholds reach beyond the loads of interest at resonances.
         let high = low + 1.5 * (high - low);
-        Search { range: [low, high], scan: 13, resolution: if self.is_coarse { COARSE } else { FINE } * (high - low) }
+        ThresholdSearch {
+            range: [low, high],
+            scan: 13,
+            resolution: if self.is_coarse { COARSE } else { FINE } * (high - low),
+        }
     }
 
     /// Adds published times without force to the panel of a family.

@@ -13,7 +13,7 @@ use super::{
     StudyError,
     steady::{Rule, Seed, Steady, steady},
 };
-use crate::{orbit::Kind, scene::Scene, task::Task};
+use crate::{orbit::MotionKind, scene::Scene, task::Task};
 
 /// Loads tried on the way down.
 const SCAN: usize = 48;
@@ -75,7 +75,7 @@ pub enum Rattle {
 }
 
 /// Motion without the event.
-struct Kept {
+struct QuietMotion {
     value: f64,
     margin: f64,
     contact: String,
@@ -86,7 +86,7 @@ struct Kept {
 
 /// Search over the number at `pointer`, downwards from the larger end of `range`.
 #[derive(Clone, Debug)]
-pub struct Search<'a> {
+pub struct RattleSearch<'a> {
     /// The scene.
     pub scene: &'a Scene,
     /// JSON pointer of the load in the resolved scene.
@@ -117,7 +117,7 @@ pub fn load_of(scene: &Scene) -> Option<(String, f64)> {
     direct.map(String::from).into_iter().chain(torques).chain(drags).find_map(of)
 }
 
-impl Search<'_> {
+impl RattleSearch<'_> {
     /// Finds the threshold.
     ///
     /// # Errors
@@ -176,7 +176,7 @@ impl Search<'_> {
     }
 
     /// Returns the steady motion at a value, if it is without the event.
-    fn at(&self, value: f64, seed: Option<&Seed>, task: Task<'_>) -> Result<Option<Kept>, StudyError> {
+    fn at(&self, value: f64, seed: Option<&Seed>, task: Task<'_>) -> Result<Option<QuietMotion>, StudyError> {
         let scene = self.scene.with(self.pointer, json!(value)).map_err(StudyError::from)?;
         let spec = &scene.built().spec;
         let backlash: Vec<f64> = spec.contacts.iter().map(|contact| contact.half_backlash).collect();
@@ -193,13 +193,13 @@ impl Search<'_> {
         let Some((margin, _, contact)) = least.filter(|(margin, is_there, _)| !is_there && *margin > 0.0) else {
             return Ok(None);
         };
-        let (contact, is_periodic) = (contact.clone(), found.motion.kind == Kind::Periodic);
+        let (contact, is_periodic) = (contact.clone(), found.motion.kind == MotionKind::Periodic);
         let Steady { motion, end, .. } = found;
-        Ok(Some(Kept { value, margin, contact, is_periodic, motion: motion.kind.word().to_owned(), seed: end }))
+        Ok(Some(QuietMotion { value, margin, contact, is_periodic, motion: motion.kind.word().to_owned(), seed: end }))
     }
 
     /// Returns the root of the margin from two motions above it, or a bracket if the margin does not tend to zero.
-    fn root(&self, first: Kept, second: Kept, lost: f64, task: Task<'_>) -> Result<Rattle, StudyError> {
+    fn root(&self, first: QuietMotion, second: QuietMotion, lost: f64, task: Task<'_>) -> Result<Rattle, StudyError> {
         let reach = first.margin;
         let (mut a, mut b, mut lost) = (first, second, lost);
         let mut last: Option<f64> = None;

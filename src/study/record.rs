@@ -26,7 +26,7 @@ pub(super) struct Recording {
     /// Force of each contact, N.
     pub force: Vec<Vec<f64>>,
     /// Spells of each contact in one mode, in order, without gaps.
-    pub spells: Vec<Vec<Spell>>,
+    pub spells: Vec<Vec<ModeInterval>>,
 }
 
 impl Recording {
@@ -47,7 +47,7 @@ impl Recording {
 
 /// A contact in one mode; it began with an event, unless the recording did.
 #[derive(Clone)]
-pub(super) struct Spell {
+pub(super) struct ModeInterval {
     pub mode: ContactMode,
     /// Time of its beginning, s from the start of the recording.
     pub from: f64,
@@ -62,7 +62,7 @@ pub(super) struct Spell {
 struct Modes<'c> {
     simulation: &'c Simulation,
     start: Instant,
-    spells: Vec<Vec<Spell>>,
+    spells: Vec<Vec<ModeInterval>>,
 }
 
 impl Modes<'_> {
@@ -76,7 +76,7 @@ impl Modes<'_> {
                     last.to = t;
                 }
                 let force = structure.force(j, mode, at, x);
-                spells.push(Spell { mode: now, from: t, to: t, force, x: x.to_vec() });
+                spells.push(ModeInterval { mode: now, from: t, to: t, force, x: x.to_vec() });
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::{
     },
     engine::{Engine, Observer, Outcome, State},
     hybrid::{Clock, ContactMode, ContactView, Instant},
-    orbit::{Approach, Approached, Motion, Section, SectionMap, Watching, decide, decide_on_torus},
+    orbit::{Approach, ApproachEnd, Motion, Section, SectionMap, WatchTime, decide, decide_on_torus},
     scene::Scene,
     simulation::Simulation,
     system::Structure,
@@ -35,11 +35,11 @@ pub struct Rule {
 }
 
 impl Rule {
-    fn watching(&self) -> Watching {
-        let usual = Watching::default();
+    fn watching(&self) -> WatchTime {
+        let usual = WatchTime::default();
         // Averages over fewer cycles than the usual first ones do not decide.
         let most = self.watched_cycles.unwrap_or(u64::MAX);
-        Watching { doublings: usual.doublings.min((most / usual.cycles).max(1).ilog2()), ..usual }
+        WatchTime { doublings: usual.doublings.min((most / usual.cycles).max(1).ilog2()), ..usual }
     }
 }
 
@@ -215,7 +215,7 @@ fn along_torus<'c>(
         let decided = decide_on_torus(&map, &mut engine, why, rule.watching(), observer, task)?;
         decided.ok_or_else(|| broken(&engine, task))?
     } else {
-        Motion { reason: Some(why.to_owned()), ..Motion::of(&Approached::default()) }
+        Motion { reason: Some(why.to_owned()), ..Motion::of(&ApproachEnd::default()) }
     };
     motion.cycles += rule.approach.most_cycles;
     Ok((engine, motion))
@@ -274,7 +274,7 @@ fn transient<'c>(
     // Limits count periods of the scene's clock.
     let most_cycles = simulation.cycles_in(rule.approach.most_cycles, COMMON_CYCLES);
     let watched = rule.watching();
-    let watching = Watching { cycles: simulation.cycles_in(watched.cycles, WATCHED_COMMON_CYCLES), ..watched };
+    let watching = WatchTime { cycles: simulation.cycles_in(watched.cycles, WATCHED_COMMON_CYCLES), ..watched };
     let approached = Approach { most_cycles, ..rule.approach }.run(&map, &mut engine, observer, task)?;
     let approached = approached.ok_or_else(|| broken(&engine, task))?;
     let (mut motion, decided) = if rule.decides {

@@ -13,7 +13,7 @@ use crate::{
     output::{Fault, Folder, OutputError, in_a_line, number},
     scene::{Scene, SceneError},
     simulation::Simulation,
-    sweep::{Begin, Cell, Ending, Journal, Kept, Outcome, Plan, SWEEP, Share, SweepError, Tally, run},
+    sweep::{Begin, CommandFiles, Ending, Journal, Outcome, Plan, RowWork, SWEEP, Share, SweepError, Tally, run},
     task::Task,
 };
 
@@ -44,7 +44,7 @@ pub struct SteadySweep {
 
 impl SteadySweep {
     /// The files of `flank sweep`.
-    pub const FILES: Kept = SWEEP;
+    pub const FILES: CommandFiles = SWEEP;
 
     /// Checks that the scene holds and has a forcing period at both ends of every axis, with each other.
     ///
@@ -143,7 +143,7 @@ impl SteadySweep {
     /// # Errors
     /// As [`run`].
     pub fn run(&self, journal: &mut Journal<Steady, Seed>, task: Task<'_>) -> Result<Ending, SweepError> {
-        let point = |cell: &Cell, seed: Option<&Seed>| {
+        let point = |cell: &RowWork, seed: Option<&Seed>| {
             let scene = self.at(&cell.values).map_err(StudyError::from);
             let measured = scene.and_then(|scene| steady(scene, seed, &self.rule, task));
             let steady =
@@ -199,12 +199,12 @@ pub struct SweepRow {
     /// The motion.
     pub motion: Motion,
     /// The first contact of each family, with its name.
-    pub contacts: Vec<(String, Shown)>,
+    pub contacts: Vec<(String, ContactMeasures)>,
 }
 
 /// Measures of a contact for a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shown {
+pub struct ContactMeasures {
     /// Share of the time apart.
     pub apart: f64,
     /// Largest force, N.
@@ -218,7 +218,7 @@ impl SweepRow {
         let shown = |(j, name): (usize, String)| {
             let report = &steady.contacts[j].report;
             let deflection = [report.deflection_min, report.deflection_max];
-            (name, Shown { apart: report.apart_fraction, force: report.force_max, deflection })
+            (name, ContactMeasures { apart: report.apart_fraction, force: report.force_max, deflection })
         };
         let contacts = families(&steady).into_iter().map(shown).collect();
         Self { row, motion: steady.motion, contacts }

@@ -8,7 +8,7 @@ use crate::scene::Scene;
 
 /// Criterion for the loss of contact of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum By {
+pub enum LossCriterion {
     /// The mesh leaves its flank: [`apart_time`](crate::analysis::ContactReport::apart_time) > 0.
     Deflection,
     /// The mesh carries no force for a time: [`no_force_time`](crate::analysis::ContactReport::no_force_time) > 0.
@@ -17,7 +17,7 @@ pub enum By {
 
 /// Range and resolution of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Search {
+pub struct ThresholdSearch {
     /// Smallest and largest value.
     pub range: [f64; 2],
     /// Values tried from the largest down until contact is lost at one, ≥ 2: losses may come and go along the range.
@@ -72,16 +72,16 @@ pub fn locate(
     context: &Context<'_>,
     scene: &Scene,
     pointer: &str,
-    (stem, by): (&str, By),
-    search: &Search,
+    (stem, by): (&str, LossCriterion),
+    search: &ThresholdSearch,
 ) -> Result<Threshold, StudyError> {
     // The sign of the clearance decides on the event; its size shows the kind of the change.
     let clearance = |value: f64| {
         let steady = context.steady(&scene.with(pointer, json!(value))?, None)?;
         let contact = steady.expect(stem, scene)?;
         let time = match by {
-            By::Deflection => contact.report.apart_time,
-            By::Force => contact.report.no_force_time,
+            LossCriterion::Deflection => contact.report.apart_time,
+            LossCriterion::Force => contact.report.no_force_time,
         };
         Ok::<_, StudyError>((time > 0.0, contact.report.deflection_min.unwrap_or_default()))
     };

@@ -13,14 +13,14 @@ use super::{
     expression::evaluate,
     figures::{self, Context, by_name},
     plan::Plan,
-    threshold::{By, Search, locate},
+    threshold::{LossCriterion, ThresholdSearch, locate},
 };
 use crate::{output::Table, scene::Scene, system::equilibrium, train::TrainError};
 
 /// Runs, with numbers by another implementation.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Values {
+pub(super) struct ReferenceRuns {
     title: String,
     note: String,
     runs: Vec<Run>,
@@ -52,7 +52,7 @@ enum Measure {
     Paths,
 }
 
-impl Values {
+impl ReferenceRuns {
     /// Returns all numbers, as a table.
     pub fn compared(&self, context: &Context<'_>, plan: &Plan) -> Result<Table, StudyError> {
         let rows = context.each(&self.runs, |run| {
@@ -96,8 +96,9 @@ impl Measure {
                 by_name(families.map(|(j, family)| (family, json!(steady.contacts[j]))))
             }
             Self::Threshold { contact, loads } => {
-                let search = Search { range: *loads, scan: 13, resolution: (loads[1] - loads[0]) / 3000.0 };
-                let found = locate(context, scene, &plan.load(scene)?.pointer, (contact, By::Deflection), &search)?;
+                let search = ThresholdSearch { range: *loads, scan: 13, resolution: (loads[1] - loads[0]) / 3000.0 };
+                let found =
+                    locate(context, scene, &plan.load(scene)?.pointer, (contact, LossCriterion::Deflection), &search)?;
                 one("load", json!(found.middle().unwrap_or(0.0)))
             }
             Self::Paths => {

@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer, de::DeserializeOwned};
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
-use super::{Cell, Direction, Journal, Outcome, Plan, SweepError, records::Write};
+use super::{Journal, Outcome, Plan, RowWork, SweepDirection, SweepError, records::Write};
 use crate::output::{Folder, OutputError, csv_line, failed, label, number, part};
 
 const TABLE: &str = "sweep.csv";
@@ -28,11 +28,11 @@ pub struct Tally {
 
 /// One line of `sweep.jsonl`.
 #[derive(Serialize)]
-struct Line<'a, R> {
+struct SweepLine<'a, R> {
     /// Values by pointer, in the order of the axes.
     #[serde(serialize_with = "by_pointer")]
     at: Vec<(&'a str, f64)>,
-    direction: Direction,
+    direction: SweepDirection,
     result: Option<&'a R>,
     error: Option<&'a str>,
 }
@@ -72,14 +72,14 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             Ok(())
         })?;
         let write = |table: usize, row: usize, outcome: Outcome<R, S>, line: &mut Write<'_>| {
-            let Cell { values, direction, .. } = plan.cell(row);
+            let RowWork { values, direction, .. } = plan.cell(row);
             let (result, error) = match &outcome {
                 Outcome::Done { result, .. } => (Some(result), None),
                 Outcome::Failed(why) => (None, Some(why.as_str())),
             };
             if table == 1 {
                 let at = pointers.iter().copied().zip(values).collect();
-                let text = serde_json::to_string(&Line { at, direction, result, error });
+                let text = serde_json::to_string(&SweepLine { at, direction, result, error });
                 return line(&text.map_err(|error| failed(Path::new(ROWS))(error.into()))?);
             }
             let measures = result.map_or_else(|| vec![String::new(); columns.len()], &cells);
@@ -97,7 +97,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
 }
 
 /// SHA-256 of files by name.
-type Sums = BTreeMap<String, String>;
+type Checksums = BTreeMap<String, String>;
 
 /// Returns the CRC-32 of the entries of a seal, in compact form, hexadecimal.
 pub(super) fn own_sum(seal: &Map<String, Value>) -> String {
@@ -105,7 +105,7 @@ pub(super) fn own_sum(seal: &Map<String, Value>) -> String {
 }
 
 /// Returns the header of finished work, and the checksums of its files.
-pub(super) fn header_of(folder: &Path, seal: &str) -> Result<(Map<String, Value>, Sums), SweepError> {
+pub(super) fn header_of(folder: &Path, seal: &str) -> Result<(Map<String, Value>, Checksums), SweepError> {
     let path = folder.join(seal);
     let text = fs::read(&path).map_err(failed(&path))?;
     let damaged = |reason: String| SweepError::Damaged { path: path.clone(), reason };
@@ -136,12 +136,12 @@ pub(super) fn sum(path: &Path) -> Result<String, OutputError> {
 }
 
 /// File that is written beside its final place.
-pub(super) struct Part {
+pub(super) struct PartFile {
     path: PathBuf,
     file: BufWriter<File>,
 }
 
-impl Part {
+impl PartFile {
     pub(super) fn create(folder: &Path, name: &str) -> Result<Self, OutputError> {
         let path = folder.join(name);
         let part = part(&path);

@@ -26,7 +26,7 @@ enum Spacing {
 /// Values of an axis, as written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-enum Values {
+enum AxisValues {
     /// Range of `count` values, the first `from`, the last `to`.
     Range {
         from: f64,
@@ -47,7 +47,7 @@ pub struct Axis {
     /// JSON pointer to the number, such as `/train/speed_rpm`.
     pub pointer: String,
     #[serde(flatten)]
-    values: Values,
+    values: AxisValues,
 }
 
 impl Axis {
@@ -77,21 +77,21 @@ impl Axis {
     #[must_use]
     pub fn count(&self) -> usize {
         match &self.values {
-            Values::Range { count, .. } => *count,
-            Values::List { values } => values.len(),
+            AxisValues::Range { count, .. } => *count,
+            AxisValues::List { values } => values.len(),
         }
     }
 
     /// Returns whether its values have equal ratios.
     #[must_use]
     pub fn is_geometric(&self) -> bool {
-        matches!(self.values, Values::Range { spacing: Spacing::Geometric, .. })
+        matches!(self.values, AxisValues::Range { spacing: Spacing::Geometric, .. })
     }
 
     /// Returns whether its values were listed.
     #[must_use]
     pub fn is_list(&self) -> bool {
-        matches!(self.values, Values::List { .. })
+        matches!(self.values, AxisValues::List { .. })
     }
 
     /// Returns all its values.
@@ -115,10 +115,10 @@ impl Axis {
     #[must_use]
     pub fn value(&self, i: usize) -> f64 {
         match &self.values {
-            Values::List { values } => values[i],
-            Values::Range { from, .. } if i == 0 => *from,
-            Values::Range { to, count, .. } if i + 1 == *count => *to,
-            Values::Range { from, to, count, spacing } => {
+            AxisValues::List { values } => values[i],
+            AxisValues::Range { from, .. } if i == 0 => *from,
+            AxisValues::Range { to, count, .. } if i + 1 == *count => *to,
+            AxisValues::Range { from, to, count, spacing } => {
                 let last = (count - 1) as f64;
                 let mean = |a: f64, b: f64| (a * (last - i as f64) + b * i as f64) / last;
                 match spacing {
@@ -151,12 +151,12 @@ fn finite(argument: &str, word: &str, faults: &mut Vec<Fault>) -> Option<f64> {
     value
 }
 
-fn list(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Values> {
+fn list(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<AxisValues> {
     let values: Vec<Option<f64>> = text.split(',').map(|word| finite(argument, word, faults)).collect();
-    Some(Values::List { values: values.into_iter().collect::<Option<_>>()? })
+    Some(AxisValues::List { values: values.into_iter().collect::<Option<_>>()? })
 }
 
-fn range(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Values> {
+fn range(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<AxisValues> {
     let words: Vec<&str> = text.split(':').collect();
     let (from, to, count, spacing) = match words[..] {
         [from, to, count] => (from, to, count, Spacing::Linear),
@@ -184,7 +184,7 @@ fn range(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Values> 
             "ends of one sign, none of them 0",
         ));
     }
-    Some(Values::Range { from, to, count: count?, spacing })
+    Some(AxisValues::Range { from, to, count: count?, spacing })
 }
 
 /// One or two axes; the last one varies fastest.

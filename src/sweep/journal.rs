@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value};
 
 use super::{
-    Kept, Plan, Records, Share, SweepError,
+    CommandFiles, Plan, Records, Share, SweepError,
     records::{Rows, Write},
 };
 use crate::output::{Folder, OutputError, Request, failed};
@@ -33,8 +33,8 @@ impl Begin {
 }
 
 /// The files of a sweep.
-pub(crate) const SWEEP: Kept =
-    Kept { command: "sweep", files: &["sweep.journal", "sweep.json", "sweep.csv", "sweep.jsonl"] };
+pub(crate) const SWEEP: CommandFiles =
+    CommandFiles { command: "sweep", files: &["sweep.journal", "sweep.json", "sweep.csv", "sweep.jsonl"] };
 
 /// Computed row: its result and its end, from which the neighbour may start, or its failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,7 +76,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
 
     /// Opens the journal for a share of the work of a command whose files are `kept`.
     pub(crate) fn open_for(
-        kept: Kept,
+        kept: CommandFiles,
         folder: &Path,
         how: (Begin, Share),
         header: Map<String, Value>,
@@ -89,7 +89,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     /// Merges the journals of parts, as [`Records::merged`].
     pub(crate) fn merged(
         folders: (&[PathBuf], usize),
-        kept: Kept,
+        kept: CommandFiles,
         out: (&Path, Begin),
         header: Map<String, Value>,
         plan: &Plan,

@@ -22,7 +22,7 @@ pub enum Seeding {
 /// Direction in which a row was reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Direction {
+pub enum SweepDirection {
     /// No direction: the row starts fresh.
     Fresh,
     /// Along the last axis, from its first value to its last.
@@ -33,13 +33,13 @@ pub enum Direction {
 
 /// Work of one row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
+pub struct RowWork {
     /// Index of the row in grid order, from 0.
     pub row: usize,
     /// Value on every axis.
     pub values: Vec<f64>,
     /// Direction in which the row is reached.
-    pub direction: Direction,
+    pub direction: SweepDirection,
 }
 
 /// Rows of a sweep and the chains in which they are computed.
@@ -74,12 +74,12 @@ impl Plan {
         header
     }
 
-    fn ways(&self) -> &'static [Direction] {
+    fn ways(&self) -> &'static [SweepDirection] {
         match self.seeding {
-            Seeding::Fresh => &[Direction::Fresh],
-            Seeding::Up => &[Direction::Up],
-            Seeding::Down => &[Direction::Down],
-            Seeding::Both => &[Direction::Up, Direction::Down],
+            Seeding::Fresh => &[SweepDirection::Fresh],
+            Seeding::Up => &[SweepDirection::Up],
+            Seeding::Down => &[SweepDirection::Down],
+            Seeding::Both => &[SweepDirection::Up, SweepDirection::Down],
         }
     }
 
@@ -91,9 +91,9 @@ impl Plan {
 
     /// Returns row number `row`, below [`rows`](Self::rows).
     #[must_use]
-    pub fn cell(&self, row: usize) -> Cell {
+    pub fn cell(&self, row: usize) -> RowWork {
         let (point, way) = (row / self.ways().len(), row % self.ways().len());
-        Cell { row, values: self.grid.values(point), direction: self.ways()[way] }
+        RowWork { row, values: self.grid.values(point), direction: self.ways()[way] }
     }
 
     /// Returns the number of chains.
@@ -120,7 +120,7 @@ impl Plan {
         let (ways, length) = (self.ways(), self.rows() / self.chains());
         let (first, way) = (chain / ways.len() * length, chain % ways.len());
         (0..length).map(move |i| {
-            let point = first + if ways[way] == Direction::Down { length - 1 - i } else { i };
+            let point = first + if ways[way] == SweepDirection::Down { length - 1 - i } else { i };
             point * ways.len() + way
         })
     }

@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 
 use super::{
     Begin, Plan, Share, SweepError,
-    files::{self, Part},
+    files::{self, PartFile},
     source::{Lines, Ordered, Source, same, share_of, with_share},
 };
 use crate::output::{self, Folder, OutputError, Request, failed};
@@ -23,14 +23,14 @@ const SYNC: Duration = Duration::from_secs(2);
 
 /// Files of a command whose rows are stored as they finish.
 #[derive(Clone, Copy, Debug)]
-pub struct Kept {
+pub struct CommandFiles {
     /// Name of the command.
     pub command: &'static str,
     /// Its files: the rows as they finish, the seal that identifies them, then the others without the figure.
     pub files: &'static [&'static str],
 }
 
-impl Kept {
+impl CommandFiles {
     /// Returns the request for the files of the command in `folder`; no file of `input` is replaced.
     #[must_use]
     pub fn request<'a>(&self, begin: Begin, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
@@ -76,7 +76,7 @@ impl Rows<'_> {
 /// that ends.
 #[derive(Debug)]
 pub struct Records {
-    kept: Kept,
+    kept: CommandFiles,
     outputs: Folder,
     folder: PathBuf,
     header: Map<String, Value>,
@@ -108,7 +108,7 @@ impl Records {
     /// written. Nothing is changed then.
     pub fn open(
         folder: &Path,
-        kept: Kept,
+        kept: CommandFiles,
         (begin, share): (Begin, Share),
         header: Map<String, Value>,
         rows: Rows<'_>,
@@ -181,7 +181,7 @@ impl Records {
     /// [`SweepError::Parts`] with all faults of the parts, or the errors of [`open`](Self::open).
     pub fn merged(
         (folders, of): (&[PathBuf], usize),
-        kept: Kept,
+        kept: CommandFiles,
         (out, begin): (&Path, Begin),
         header: Map<String, Value>,
         rows: Rows<'_>,
@@ -450,12 +450,12 @@ impl Records {
         found: &[(&str, Value)],
     ) -> Result<(), SweepError> {
         for (i, name) in tables.iter().enumerate() {
-            let mut table = Part::create(&self.folder, name)?;
+            let mut table = PartFile::create(&self.folder, name)?;
             write(self, i, &mut |line| Ok(table.write(&format!("{line}\n"))?))?;
             table.publish()?;
         }
         for (name, text) in others {
-            let mut part = Part::create(&self.folder, name)?;
+            let mut part = PartFile::create(&self.folder, name)?;
             part.write(text)?;
             part.publish()?;
         }
@@ -469,7 +469,7 @@ impl Records {
         header.extend(found.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
         header.insert("crc32".to_owned(), files::own_sum(&header).into());
         let seal = format!("{:#}\n", Value::from(header));
-        let mut part = Part::create(&self.folder, self.kept.files[1])?;
+        let mut part = PartFile::create(&self.folder, self.kept.files[1])?;
         part.write(&seal)?;
         part.publish()?;
         // The records are no longer needed. The lock is held until the file is removed.

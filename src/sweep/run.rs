@@ -7,7 +7,7 @@ use std::{
 use rayon::prelude::*;
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::{Cell, Journal, Outcome, Plan, SweepError};
+use super::{Journal, Outcome, Plan, RowWork, SweepError};
 use crate::task::Task;
 
 /// End of a sweep.
@@ -34,7 +34,7 @@ where
     S: Serialize + DeserializeOwned + Sync,
     R: Sync,
     E: Display,
-    P: Fn(&Cell, Option<&S>) -> Result<(R, S), E> + Sync,
+    P: Fn(&RowWork, Option<&S>) -> Result<(R, S), E> + Sync,
 {
     // A stored row is read again if the next one of its chain starts from it.
     let mut wanted = BTreeSet::new();

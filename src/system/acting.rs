@@ -15,7 +15,7 @@ use crate::{
 
 /// A contact and its law, with the parameters of the mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Acting {
+pub(crate) struct ActiveContact {
     pub contact: usize,
     /// +1 on the drive flank, −1 on the back flank, 0 where the law acts on the deflection itself.
     pub side: f64,
@@ -71,7 +71,7 @@ impl Force {
     }
 }
 
-impl Acting {
+impl ActiveContact {
     pub fn is_held(&self) -> bool {
         self.force == Force::Held
     }
@@ -100,7 +100,7 @@ impl Structure {
     }
 
     /// Returns the action of contact `j` in `mode`, if any.
-    pub(crate) fn acting(&self, mode: &Mode, j: usize) -> Option<Acting> {
+    pub(crate) fn acting(&self, mode: &Mode, j: usize) -> Option<ActiveContact> {
         let (side, is_carried) = self.pressing(mode, j)?;
         let c = &self.contacts[j];
         let force = match c.spec.law {
@@ -110,11 +110,11 @@ impl Structure {
             Law::Power(law) => Force::Power { law, stiffness: c.spec.stiffness.mean(), latch: c.latch },
             Law::Rigid(_) => Force::Held,
         };
-        Some(Acting { contact: j, side, is_carried, force })
+        Some(ActiveContact { contact: j, side, is_carried, force })
     }
 
     /// Iterates over the contacts that carry force in `mode`.
-    pub(crate) fn carrying(&self, mode: &Mode) -> impl Iterator<Item = Acting> {
+    pub(crate) fn carrying(&self, mode: &Mode) -> impl Iterator<Item = ActiveContact> {
         (0..self.contacts.len()).filter_map(move |j| self.acting(mode, j)).filter(|a| a.is_carried)
     }
 
@@ -135,19 +135,19 @@ impl Structure {
     }
 
     /// Returns `1 + χ ṗ` of a power law, `rate` = δ̇; 1 for any other law.
-    pub(crate) fn factor(&self, acting: &Acting, rate: f64, x: &[f64]) -> f64 {
+    pub(crate) fn factor(&self, acting: &ActiveContact, rate: f64, x: &[f64]) -> f64 {
         1.0 + acting.force.chi(x) * (acting.side * rate)
     }
 
     /// Returns the force of the law along g, N, carried or not; zero for a held contact.
-    pub(crate) fn law_force(&self, acting: &Acting, at: Instant, x: &[f64]) -> f64 {
+    pub(crate) fn law_force(&self, acting: &ActiveContact, at: Instant, x: &[f64]) -> f64 {
         self.force_of_deflection(acting, (at, x), self.deflection(acting.contact, at, x))
     }
 
     /// Returns the same force, for a given deflection and rate of the contact.
     pub(crate) fn force_of_deflection(
         &self,
-        acting: &Acting,
+        acting: &ActiveContact,
         (at, x): (Instant, &[f64]),
         (d, rate): (f64, f64),
     ) -> f64 {
@@ -165,7 +165,14 @@ impl Structure {
     }
 
     /// Returns the change of the force for a change `(d1, r1)` of deflection and rate, and `x1` of the state.
-    pub(crate) fn force_change(&self, acting: &Acting, at: Instant, x: &[f64], [d1, r1]: [f64; 2], x1: &[f64]) -> f64 {
+    pub(crate) fn force_change(
+        &self,
+        acting: &ActiveContact,
+        at: Instant,
+        x: &[f64],
+        [d1, r1]: [f64; 2],
+        x1: &[f64],
+    ) -> f64 {
         match acting.force {
             Force::Linear { stiffness, damping } => {
                 self.stiffness_at(acting.contact, stiffness, at).0 * d1 + damping * r1
@@ -185,7 +192,7 @@ impl Structure {
     }
 
     /// Returns the derivative of the force of a power law with respect to its latched speed, kg/s.
-    pub(crate) fn force_by_latch(&self, acting: &Acting, at: Instant, x: &[f64]) -> f64 {
+    pub(crate) fn force_by_latch(&self, acting: &ActiveContact, at: Instant, x: &[f64]) -> f64 {
         let Force::Power { law, stiffness, latch: Some(latch) } = acting.force else { return 0.0 };
         let (d, r) = self.deflection(acting.contact, at, x);
         let p = (acting.side * d - self.contacts[acting.contact].gap()).max(0.0);
@@ -193,7 +200,7 @@ impl Structure {
     }
 
     /// Returns the energy in the spring, J; zero if no force is carried.
-    pub(crate) fn stored_in(&self, acting: Option<Acting>, at: Instant, x: &[f64]) -> f64 {
+    pub(crate) fn stored_in(&self, acting: Option<ActiveContact>, at: Instant, x: &[f64]) -> f64 {
         let Some(a) = acting.filter(|a| a.is_carried) else { return 0.0 };
         let p = self.penetration(&a, self.deflection(a.contact, at, x).0);
         match a.force {
@@ -208,7 +215,7 @@ impl Structure {
     }
 
     /// Returns the powers of a contact, W: dissipation, and work of a varying stiffness.
-    pub(crate) fn contact_powers(&self, acting: Option<Acting>, at: Instant, x: &[f64]) -> (f64, f64) {
+    pub(crate) fn contact_powers(&self, acting: Option<ActiveContact>, at: Instant, x: &[f64]) -> (f64, f64) {
         let Some(a) = acting.filter(|a| a.is_carried) else { return (0.0, 0.0) };
         let (d, rate) = self.deflection(a.contact, at, x);
         let p = self.penetration(&a, d);
@@ -225,7 +232,7 @@ impl Structure {
     }
 
     /// Returns `σ δ − b`, m; δ itself where the law acts on δ.
-    fn penetration(&self, a: &Acting, deflection: f64) -> f64 {
+    fn penetration(&self, a: &ActiveContact, deflection: f64) -> f64 {
         if a.side == 0.0 { deflection } else { a.side * deflection - self.contacts[a.contact].gap() }
     }
 

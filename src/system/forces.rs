@@ -1,7 +1,7 @@
 //! Deflections, forces and accelerations in a state, and the vector field built from them.
 
 use super::{
-    acting::{Acting, Force},
+    acting::{ActiveContact, Force},
     assemble::{Contact, Structure, dot, zeros},
     sticking::Sticking,
 };
@@ -89,9 +89,9 @@ impl Structure {
     pub(crate) fn acceleration_size(
         &self,
         j: usize,
-        carrying: impl Iterator<Item = Acting>,
+        carrying: impl Iterator<Item = ActiveContact>,
         x: &[f64],
-        force: impl Fn(&Acting) -> f64,
+        force: impl Fn(&ActiveContact) -> f64,
     ) -> f64 {
         let (q, v) = (&x[..self.n], &x[self.n..2 * self.n]);
         let free: f64 = self.contacts[j]

@@ -26,7 +26,7 @@ mod unilateral;
 mod variation;
 mod view;
 
-pub(crate) use acting::{Acting, Elasticity, Force};
+pub(crate) use acting::{ActiveContact, Elasticity, Force};
 pub use assemble::{Contact, Structure};
 pub(crate) use assemble::{LoadWave, Oscillator, PerContact, Spring, Wave, dot, zeros};
 pub use automaton::{Start, StartError};
@@ -42,6 +42,6 @@ pub use statics::{
 pub(crate) use sticking::Sticking;
 pub use tangent::{Columns, Saltation};
 pub(crate) use tangent::{Eight, Gradient, LANES, Lanes};
-pub(crate) use variation::By;
+pub(crate) use variation::Evaluation;
 pub use variation::Variation;
 pub use view::damped_restitution;

@@ -1,14 +1,14 @@
 //! Times at which neighbours of a motion reach an event.
 
-use super::{acting::Force, assemble::Structure, contact_mode::guard_of, tangent::Columns, variation::By};
+use super::{acting::Force, assemble::Structure, contact_mode::guard_of, tangent::Columns, variation::Evaluation};
 use crate::hybrid::{GuardId, Mode};
 
 impl Structure {
     /// Returns the advance `h_x ξ/ḣ`, s, of the zero of guard `id` for each of the `columns` before the event. The guard h falls in `mode`
     /// at the place of `by`, and depends on the parameters of `by`, if any. `None` if the guard has no rate, or is the force of a contact
     /// at rest.
-    pub(crate) fn earlier(&self, mode: &Mode, id: GuardId, by: By<'_>, columns: &Columns) -> Option<Vec<f64>> {
-        let By { variations, at, x } = by;
+    pub(crate) fn earlier(&self, mode: &Mode, id: GuardId, by: Evaluation<'_>, columns: &Columns) -> Option<Vec<f64>> {
+        let Evaluation { variations, at, x } = by;
         let ((j, watch), n) = (guard_of(id), self.n);
         let (d, rate) = self.deflection(j, at, x);
         let mut row = vec![0.0; columns.count];

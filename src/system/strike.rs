@@ -5,7 +5,7 @@ use super::{
     contact_mode::{contact_mode, guard_of, set_contact},
     sticking::Sticking,
     tangent::Columns,
-    variation::By,
+    variation::Evaluation,
 };
 use crate::{
     gear::contact::{Law, Restitution},
@@ -29,7 +29,7 @@ impl Structure {
         (strikers, side): (&[usize], &dyn Fn(usize) -> f64),
         (settles, resets_only): (bool, bool),
         (x_minus, x_plus): (&[f64], &[f64]),
-        (at, by): (Instant, Option<By<'_>>),
+        (at, by): (Instant, Option<Evaluation<'_>>),
         columns: &mut Columns,
     ) {
         let rests = |mode: &Mode, j: usize| self.contacts[j].spec.law.is_rigid() && contact_mode(mode, j).is_closed();
@@ -89,7 +89,7 @@ impl Structure {
             by.iter().for_each(|by| self.strike_by(group, returns, *by, columns));
         }
         // Contacts that have come to rest keep zero gap and rate.
-        self.restrain(&to.mode, by.map(|by| By { x: x_plus, ..by }), columns);
+        self.restrain(&to.mode, by.map(|by| Evaluation { x: x_plus, ..by }), columns);
     }
 
     /// Groups the contacts: each with those that an impulse on it reaches, directly or through others.

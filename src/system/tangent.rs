@@ -5,11 +5,11 @@
 //! impacts and of a latched speed divide by a speed.
 
 use super::{
-    acting::{Acting, Elasticity, Force},
+    acting::{ActiveContact, Elasticity, Force},
     assemble::{PerContact, Structure, dot, zeros},
     contact_mode::{ContactMode, Watch, contact_mode, guard_of},
     sticking::Sticking,
-    variation::{By, Variation},
+    variation::{Evaluation, Variation},
 };
 use crate::{
     gear::contact::Law,
@@ -103,7 +103,7 @@ impl<P: Path> Eight<P> {
 
 /// Derivatives of the force of a contact along its direction with respect to deflection, rate and latched speed.
 #[derive(Clone, Copy, Debug)]
-struct Change {
+struct ForceDerivatives {
     contact: usize,
     by_deflection: f64,
     by_rate: f64,
@@ -113,7 +113,7 @@ struct Change {
 /// `f_x` of a mode in a state.
 #[derive(Debug, Default)]
 pub(crate) struct Gradient {
-    changes: PerContact<Option<Change>>,
+    changes: PerContact<Option<ForceDerivatives>>,
 }
 
 /// Effects of a jump on columns.
@@ -137,24 +137,25 @@ pub struct Saltation {
 impl Structure {
     /// Returns whether `f_x` is constant along `mode`.
     pub(crate) fn is_affine(&self, mode: &Mode) -> bool {
-        let is_constant =
-            |a: Acting| matches!(a.force, Force::Held | Force::Linear { stiffness: Elasticity::Constant(_), .. });
+        let is_constant = |a: ActiveContact| {
+            matches!(a.force, Force::Held | Force::Linear { stiffness: Elasticity::Constant(_), .. })
+        };
         self.carrying(mode).all(is_constant)
     }
 
     /// Returns `f_x` in `mode` in a state.
     pub(crate) fn gradient(&self, mode: &Mode, at: Instant, x: &[f64]) -> Gradient {
-        let change = |acting: Acting| {
+        let change = |acting: ActiveContact| {
             let contact = acting.contact;
             let by = |change: [f64; 2]| self.force_change(&acting, at, x, change, &[]);
             match acting.force {
                 Force::Held => None,
                 Force::Linear { damping, .. } => {
-                    Some(Change { contact, by_deflection: by([1.0, 0.0]), by_rate: damping, by_latch: None })
+                    Some(ForceDerivatives { contact, by_deflection: by([1.0, 0.0]), by_rate: damping, by_latch: None })
                 }
                 Force::Power { latch, .. } => {
                     let by_latch = latch.map(|i| (i, self.force_by_latch(&acting, at, x)));
-                    Some(Change { contact, by_deflection: by([1.0, 0.0]), by_rate: by([0.0, 1.0]), by_latch })
+                    Some(ForceDerivatives { contact, by_deflection: by([1.0, 0.0]), by_rate: by([0.0, 1.0]), by_latch })
                 }
             }
         };
@@ -273,7 +274,7 @@ impl Structure {
     }
 
     /// Removes from `columns` the directions that contacts at rest in `mode` forbid; their flanks move with the parameters of `by`, if any.
-    pub(crate) fn restrain(&self, mode: &Mode, by: Option<By<'_>>, columns: &mut Columns) {
+    pub(crate) fn restrain(&self, mode: &Mode, by: Option<Evaluation<'_>>, columns: &mut Columns) {
         if let Some(held) = self.held(mode) {
             for (first, velocities) in [(0, false), (self.n, true)] {
                 self.take_out(&held, first, columns, &mut |j, row| {
@@ -288,7 +289,7 @@ impl Structure {
         &self,
         (j, side): (usize, f64),
         velocities: bool,
-        by: Option<By<'_>>,
+        by: Option<Evaluation<'_>>,
         columns: &Columns,
     ) -> Vec<f64> {
         let mut along = vec![0.0; columns.count];
@@ -310,7 +311,7 @@ impl Structure {
         columns: &mut Columns,
     ) -> Saltation {
         let n = self.n;
-        let by = (!variations.is_empty()).then_some(By { variations, at, x: x_minus });
+        let by = (!variations.is_empty()).then_some(Evaluation { variations, at, x: x_minus });
         let mut saltation = Saltation::default();
         if !resets_only {
             saltation = self.move_event((from, to), fired, (at, x_minus), by, columns);
@@ -404,7 +405,7 @@ impl Structure {
             };
             saltation.volume += strikers.iter().map(logarithm).sum::<f64>();
         } else {
-            self.restrain(&to.mode, by.map(|by| By { x: x_plus, ..by }), columns);
+            self.restrain(&to.mode, by.map(|by| Evaluation { x: x_plus, ..by }), columns);
         }
         saltation
     }
@@ -424,7 +425,7 @@ impl Structure {
 
     /// Returns the size of the rates that contacts add, rad/s.
     pub(crate) fn rate_by(&self, gradient: &Gradient) -> f64 {
-        let rate = |c: &Change| {
+        let rate = |c: &ForceDerivatives| {
             let mobility = self.contacts[c.contact].mobility;
             (c.by_deflection.abs() * mobility).sqrt() + c.by_rate.abs() * mobility
         };

@@ -4,7 +4,7 @@ use super::{
     assemble::{Structure, zeros},
     contact_mode::{Watch, contact_mode, guard_of},
     tangent::{Columns, Saltation},
-    variation::By,
+    variation::Evaluation,
 };
 use crate::{
     gear::contact::Law,
@@ -44,7 +44,7 @@ impl Structure {
         (from, to): (&Jump, &Jump),
         fired: &GuardSet,
         (at, x): (Instant, &[f64]),
-        by: Option<By<'_>>,
+        by: Option<Evaluation<'_>>,
         columns: &Columns,
     ) -> Saltation {
         let mut saltation = Saltation::default();

@@ -61,20 +61,20 @@ impl Touching {
 }
 
 type Set = PerContact<Touching>;
-type Row = PerContact<f64>;
-type Matrix = SmallVec<[Row; 4]>;
+type Vector = PerContact<f64>;
+type Matrix = SmallVec<[Vector; 4]>;
 
 /// Solution of a complementarity problem.
 struct Solution {
-    z: Row,
+    z: Vector,
     /// `d − W z`.
-    rest: Row,
+    rest: Vector,
     /// Rounding of `rest`.
-    slack: Row,
+    slack: Vector,
 }
 
 /// Solves the complementarity problem; `noise` is the rounding of each d. Returns `None` if no z satisfies it.
-fn complement(w: &[Row], d: &Row, noise: Row) -> Option<Solution> {
+fn complement(w: &[Vector], d: &Vector, noise: Vector) -> Option<Solution> {
     let n = w.len();
     let mut s = Solution { z: zeros(n), rest: d.clone(), slack: noise };
     if n == 1 {
@@ -140,7 +140,7 @@ fn complement(w: &[Row], d: &Row, noise: Row) -> Option<Solution> {
 }
 
 /// Solves `W_AA r = r` in place by `L D Lᵀ`; the rows of A are independent.
-fn solve(w: &[Row], active: &[usize], r: &mut Row) {
+fn solve(w: &[Vector], active: &[usize], r: &mut Vector) {
     let n = active.len();
     let (mut l, mut pivot) = (Matrix::new(), zeros(n));
     for i in 0..n {
@@ -198,7 +198,7 @@ impl Structure {
     fn mobility(&self, set: &Set) -> Matrix {
         let mut matrix = Matrix::new();
         for a in set {
-            let mut row = Row::new();
+            let mut row = Vector::new();
             set.iter().for_each(|b| row.push(a.side * b.side * self.coupling(a.contact, b.contact)));
             matrix.push(row);
         }
@@ -254,7 +254,7 @@ impl Structure {
         &self,
         jump: &mut Jump,
         set: &[Touching],
-        w: &[Row],
+        w: &[Vector],
         settles: bool,
         x: &mut [f64],
     ) -> Result<PerContact<bool>, ModelError> {
@@ -294,7 +294,7 @@ impl Structure {
 
     /// Returns the impulses of a strike: those of `solution`, or those of least norm if contacts hold each other and none of these pulls.
     /// The motion is the same with both; the latter treat equal contacts equally.
-    fn shares(&self, set: &[Touching], w: &[Row], d: &Row, solution: &Solution) -> Row {
+    fn shares(&self, set: &[Touching], w: &[Vector], d: &Vector, solution: &Solution) -> Vector {
         let all: PerContact<usize> = (0..set.len()).filter(|i| solution.rest[*i] >= -solution.slack[*i]).collect();
         if all.len() < 2 {
             return solution.z.clone();
@@ -375,7 +375,7 @@ impl Structure {
 
     /// Returns the contacts of `pressed` that carry the load: all that rest, if no multiplier of least norm pulls. Otherwise those that
     /// carry it in the solution, and those that are independent of them.
-    fn sharing(&self, pressed: &Set, w: &[Row], d: &Row, solution: &Solution) -> Sticking {
+    fn sharing(&self, pressed: &Set, w: &[Vector], d: &Vector, solution: &Solution) -> Sticking {
         let of = |set: &[usize]| Sticking::of(self, set.iter().map(|i| pressed[*i].contact));
         let rests = |i: &usize| solution.rest[*i] >= -solution.slack[*i];
         let all: PerContact<usize> = (0..pressed.len()).filter(rests).collect();

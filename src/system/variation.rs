@@ -4,7 +4,7 @@
 //! and phase held in `f_α`. No term grows with time, and sections and switches tied to the forcing keep their phase.
 
 use super::{
-    acting::{Acting, Elasticity, Force},
+    acting::{ActiveContact, Elasticity, Force},
     assemble::{PerContact, Spring, Structure, zeros},
     contact_mode::piece,
     sticking::Sticking,
@@ -34,7 +34,7 @@ impl Variation {
 
 /// Parameters and state of a derivative.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct By<'a> {
+pub(crate) struct Evaluation<'a> {
     /// One variation for each column; none if the columns are those of a start.
     pub variations: &'a [Variation],
     pub at: Instant,
@@ -64,7 +64,7 @@ impl Structure {
     }
 
     /// Adds the parameter derivatives of `δ − σ b` of contact `j` to a row of columns; with `velocities` those of `δ̇`.
-    pub(crate) fn add_moves(&self, (j, side): (usize, f64), velocities: bool, by: By<'_>, row: &mut [f64]) {
+    pub(crate) fn add_moves(&self, (j, side): (usize, f64), velocities: bool, by: Evaluation<'_>, row: &mut [f64]) {
         for (r, variation) in row.iter_mut().zip(by.variations) {
             *r += self.moves(variation, j, side, by.at, by.x)[usize::from(velocities)];
         }
@@ -72,8 +72,14 @@ impl Structure {
 
     /// Writes `f_α − f ω_α/ω` in `mode` for each parameter, one column each, into `out`. Returns the sizes of the rounded terms in the
     /// differences, of displacements and of velocities: first of their rates, then of themselves.
-    pub(crate) fn forcing(&self, mode: &Mode, held: Option<&Sticking>, by: By<'_>, out: &mut Columns) -> [[f64; 2]; 2] {
-        let (n, count, By { at, x, .. }) = (self.n, out.count, by);
+    pub(crate) fn forcing(
+        &self,
+        mode: &Mode,
+        held: Option<&Sticking>,
+        by: Evaluation<'_>,
+        out: &mut Columns,
+    ) -> [[f64; 2]; 2] {
+        let (n, count, Evaluation { at, x, .. }) = (self.n, out.count, by);
         let (mut slopes, mut values) = ([0.0f64; 2], [0.0f64; 2]);
         out.values.fill(0.0);
         let mut forces = zeros(self.contacts.len());
@@ -121,7 +127,7 @@ impl Structure {
     }
 
     /// Returns the derivative of the force of a contact with respect to the parameter, its deflection from the flank and its rate held.
-    fn force_by(&self, variation: &Variation, acting: &Acting, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
+    fn force_by(&self, variation: &Variation, acting: &ActiveContact, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
         let (j, side) = (acting.contact, acting.side);
         let (d, rate) = self.deflection(j, at, x);
         let of = |train: &Self| train.acting(mode, j).map_or(Force::Held, |a| a.force);
@@ -179,7 +185,7 @@ impl Structure {
 
     /// Advances columns of parameters over a known switching time, at which schedules change from the pieces of `from` to those of `to`:
     /// `δx⁺ = δx + (f⁻ − f⁺) δt`.
-    pub(crate) fn switch_columns(&self, (from, to): (&Mode, &Mode), by: By<'_>, columns: &mut Columns) {
+    pub(crate) fn switch_columns(&self, (from, to): (&Mode, &Mode), by: Evaluation<'_>, columns: &mut Columns) {
         let (n, count) = (self.n, columns.count);
         let mut changes = Columns { count, values: vec![0.0; n * count] };
         for j in (0..self.contacts.len()).filter(|j| piece(from, *j) != piece(to, *j)) {
@@ -203,7 +209,7 @@ impl Structure {
         &self,
         contacts: &PerContact<usize>,
         returns: impl Fn(&Self, usize, f64) -> f64,
-        by: By<'_>,
+        by: Evaluation<'_>,
         columns: &mut Columns,
     ) {
         let (n, count) = (self.n, columns.count);

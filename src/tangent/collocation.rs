@@ -4,10 +4,10 @@ use std::sync::LazyLock;
 
 use super::{DEEPEST, Tangent, difference, is_small, largest};
 use crate::{
-    analysis::Rule,
+    analysis::Quadrature,
     hybrid::Mode,
     integrate::DenseStep,
-    system::{By, Columns},
+    system::{Columns, Evaluation},
 };
 
 /// Number of nodes of the collocation where `f_x` changes along a step.
@@ -16,13 +16,13 @@ const NODES: usize = 10;
 /// Gauss–Legendre nodes on `[0, 1]`, weights, and the matrix of integrals up to each node. `last` has the weights of the highest Legendre
 /// coefficient of a function given at the nodes.
 struct Collocation {
-    rule: Rule,
+    rule: Quadrature,
     matrix: Vec<[f64; NODES]>,
     last: [f64; NODES],
 }
 
 static COLLOCATION: LazyLock<Collocation> = LazyLock::new(|| {
-    let rule = Rule::gauss(NODES);
+    let rule = Quadrature::gauss(NODES);
     // Legendre polynomials on [0, 1] at x up to degree NODES.
     let legendre = |x: f64| {
         let (x, mut p) = (2.0 * x - 1.0, [1.0; NODES + 1]);
@@ -60,14 +60,14 @@ const RESOLVED: f64 = 1e-8;
 /// Rounding of the rates from which a difference of trains is formed.
 const ROUNDED: f64 = 64.0 * f64::EPSILON;
 /// Columns that are collocated.
-pub(super) struct Collocated {
+pub(super) struct CollocationColumns {
     pub columns: Columns,
     /// Values and slopes at the nodes of the collocation.
     nodes: Vec<[Columns; 2]>,
     sum: Columns,
 }
 
-impl Collocated {
+impl CollocationColumns {
     pub fn new(columns: Columns) -> Self {
         Self { nodes: vec![[columns.clone(), columns.clone()]; NODES], sum: columns.clone(), columns }
     }
@@ -95,7 +95,7 @@ impl Tangent<'_> {
         let Self { structure: s, by_number, collocated, x, modes, variations, volume, .. } = self;
         let Some(known) = modes.get(mode) else { return };
         let set = if of_numbers { by_number } else { collocated };
-        let Collocated { columns, nodes, sum } = set;
+        let CollocationColumns { columns, nodes, sum } = set;
         let clock = s.clock();
         let mut along = Vec::with_capacity(NODES);
         let (mut divergence, mut fastest) = (0.0, 0.0f64);
@@ -115,7 +115,8 @@ impl Tangent<'_> {
             for (node, (_, rate, at)) in rule.nodes.iter().zip(&along).take(if of_numbers { NODES } else { 0 }) {
                 step.state(from + span * node, x);
                 let mut added = columns.clone();
-                let [slopes, values] = s.forcing(mode, known.held.as_ref(), By { variations, at: *at, x }, &mut added);
+                let [slopes, values] =
+                    s.forcing(mode, known.held.as_ref(), Evaluation { variations, at: *at, x }, &mut added);
                 rounded =
                     std::array::from_fn(|i| rounded[i].max(rate * ROUNDED * slopes[i] + f64::EPSILON * values[i]));
                 added.values.iter_mut().for_each(|c| *c *= rate);

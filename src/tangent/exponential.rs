@@ -80,14 +80,14 @@ impl Work for Product<'_> {
 }
 
 /// `(1 + F)(1 + W) − 1`, with F applied after the whole W.
-struct Then<'a> {
+struct Composition<'a> {
     matrix: &'a [f64],
     whole: &'a mut [f64],
     count: usize,
     sums: &'a mut Vec<f64>,
 }
 
-impl Work for Then<'_> {
+impl Work for Composition<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -169,7 +169,7 @@ impl Tables {
                 Some(matrix) => {
                     // `exp(2Ah) − 1 = 2F + F²`.
                     next.clone_from(matrix);
-                    instructions.run(Then { matrix, whole: &mut next, count, sums: &mut self.sums });
+                    instructions.run(Composition { matrix, whole: &mut next, count, sums: &mut self.sums });
                 }
             }
             self.doubled.push(next);
@@ -185,7 +185,7 @@ impl Tables {
             let mut whole = vec![0.0; dim * dim];
             instructions.run(Sum { terms: &self.terms, share: rest / self.span, sum: &mut self.rest });
             for matrix in bits.iter().map(|bit| &self.doubled[*bit]).chain([&self.rest]) {
-                instructions.run(Then { matrix, whole: &mut whole, count: dim, sums: &mut self.sums });
+                instructions.run(Composition { matrix, whole: &mut whole, count: dim, sums: &mut self.sums });
             }
             self.repeated = Some((time, whole));
         }

@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 
 use super::Tangent;
 use crate::{
-    engine::{Jumped, Observer, State},
+    engine::{JumpRecord, Observer, State},
     event::EventRecord,
     hybrid::{HybridSystem, Mode, VectorField},
     integrate::DenseStep,
@@ -47,7 +47,7 @@ impl<'s> Inherited<'s> {
     }
 
     /// Returns `√(Σ (h_x s_l)²)/|ḣ|` of a guard, for the columns s_l: the standard shift of its zero, s.
-    fn moved(&self, jumped: &Jumped<'_>, id: crate::hybrid::GuardId) -> f64 {
+    fn moved(&self, jumped: &JumpRecord<'_>, id: crate::hybrid::GuardId) -> f64 {
         let (s, mode, x, dim) = (self.structure, &jumped.from.mode, jumped.x_minus, jumped.x_minus.len());
         let n = s.freedoms();
         let along = |direction: &dyn Fn(usize) -> f64, dt: f64| {
@@ -129,14 +129,14 @@ impl Observer for Inherited<'_> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
         let moved = jumped.fired.iter().map(|id| self.moved(jumped, id));
         // A shift beyond all numbers, or of a guard at zero speed, is unknown.
         let moved = moved.fold(0.0, |m: f64, moved| if moved.is_nan() { f64::INFINITY } else { m.max(moved) });
         self.time = Some(self.time.map_or(moved, |time| time.max(moved)));
         self.tangent.jump(jumped);
         // A jump later by dt shifts the state by `(f⁺ − R f⁻) dt`.
-        let &Jumped { at, from, to, fired, x_minus, x_plus, settles } = jumped;
+        let &JumpRecord { at, from, to, fired, x_minus, x_plus, settles } = jumped;
         let s = self.structure;
         let mut before = Columns { count: 1, values: vec![0.0; x_minus.len()] };
         s.eval(&from.mode, at, 0.0, x_minus, &mut before.values);

@@ -11,15 +11,15 @@ pub use inherited::Inherited;
 
 use serde::{Deserialize, Serialize};
 
-use collocation::Collocated;
+use collocation::CollocationColumns;
 use exponential::Tables;
 use series::{Coefficients, Orders};
 
 use crate::{
-    engine::{Jumped, Observer, State},
+    engine::{JumpRecord, Observer, State},
     hybrid::{HybridSystem, Instant, Mode},
     integrate::DenseStep,
-    system::{By, Columns, ContactMode, Gradient, Sticking, Structure, Variation, contact_mode},
+    system::{Columns, ContactMode, Evaluation, Gradient, Sticking, Structure, Variation, contact_mode},
 };
 
 /// Maximum number of halvings of a step.
@@ -36,7 +36,7 @@ pub struct Corner {
 }
 
 /// Data of a mode.
-struct Known {
+struct ModeData {
     /// `f_x`, if it is constant.
     gradient: Option<Gradient>,
     held: Option<Sticking>,
@@ -54,7 +54,7 @@ pub struct Tangent<'s> {
     /// Parameters with respect to which the derivative is taken.
     variations: &'s [Variation],
     /// `∂x/∂α`, one column for each parameter.
-    by_number: Collocated,
+    by_number: CollocationColumns,
     /// Mode up to which the columns of parameters have been advanced.
     mode: Option<Mode>,
     /// `∫ div f dt + Σ ln |det|` of jumps so far; NaN where contacts rest or latch, which have no volume.
@@ -75,10 +75,10 @@ pub struct Tangent<'s> {
     /// speeds of open contacts.
     pub(crate) dead: Vec<(usize, Vec<bool>)>,
     resets_only: bool,
-    modes: BTreeMap<Mode, Known>,
+    modes: BTreeMap<Mode, ModeData>,
     work: [Columns; 2],
     orders: Orders,
-    collocated: Collocated,
+    collocated: CollocationColumns,
     x: Vec<f64>,
 }
 
@@ -94,10 +94,10 @@ impl<'s> Tangent<'s> {
     pub fn of(structure: &'s Structure, columns: Columns) -> Self {
         Self {
             variations: &[],
-            by_number: Collocated::new(Columns { count: 0, values: Vec::new() }),
+            by_number: CollocationColumns::new(Columns { count: 0, values: Vec::new() }),
             mode: None,
             work: [columns.clone(), columns.clone()],
-            collocated: Collocated::new(columns.clone()),
+            collocated: CollocationColumns::new(columns.clone()),
             orders: Orders::default(),
             x: vec![0.0; HybridSystem::dim(structure)],
             latched: vec![false; HybridSystem::dim(structure) - 2 * structure.freedoms()],
@@ -119,7 +119,7 @@ impl<'s> Tangent<'s> {
     #[must_use]
     pub fn with(mut self, variations: &'s [Variation]) -> Self {
         let (count, dim) = (variations.len(), HybridSystem::dim(self.structure));
-        self.by_number = Collocated::new(Columns { count, values: vec![0.0; count * dim] });
+        self.by_number = CollocationColumns::new(Columns { count, values: vec![0.0; count * dim] });
         Self { variations, ..self }
     }
 
@@ -134,7 +134,7 @@ impl<'s> Tangent<'s> {
         let State { at, x, jump } = state;
         self.restrain(&jump.mode);
         if !self.variations.is_empty() {
-            let by = By { variations: self.variations, at: *at, x };
+            let by = Evaluation { variations: self.variations, at: *at, x };
             self.structure.restrain(&jump.mode, Some(by), &mut self.by_number.columns);
             self.mode = Some(jump.mode.clone());
         }
@@ -150,7 +150,7 @@ impl<'s> Tangent<'s> {
     fn switch(&mut self, mode: &Mode, at: Instant, x: &[f64]) {
         let before = self.mode.replace(mode.clone());
         if let Some(before) = before.filter(|before| before != mode) {
-            let by = By { variations: self.variations, at, x };
+            let by = Evaluation { variations: self.variations, at, x };
             self.structure.switch_columns((&before, mode), by, &mut self.by_number.columns);
         }
     }
@@ -189,7 +189,7 @@ impl<'s> Tangent<'s> {
             self.dead.push((held.as_ref().map_or(0, |held| 2 * held.independent()), self.open(mode)));
             let rate = s.rate_of(mode);
             let tables = gradient.as_ref().and_then(|gradient| Tables::new(s, gradient, held.as_ref(), rate));
-            let known = Known { gradient, held, tables, rate };
+            let known = ModeData { gradient, held, tables, rate };
             self.modes.insert(mode.clone(), known);
         }
     }
@@ -269,8 +269,8 @@ impl Observer for Tangent<'_> {
         true
     }
 
-    fn jump(&mut self, jumped: &Jumped<'_>) {
-        let &Jumped { at, from, to, fired, x_minus, x_plus, settles } = jumped;
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
+        let &JumpRecord { at, from, to, fired, x_minus, x_plus, settles } = jumped;
         let s = self.structure;
         let jump = (fired, settles, self.resets_only);
         let saltation = s.saltate((from, to), jump, at, (x_minus, x_plus), &[], &mut self.columns);
@@ -290,7 +290,7 @@ impl Observer for Tangent<'_> {
             if !self.variations.is_empty() {
                 let columns = &mut self.by_number.columns;
                 s.saltate_after(modes, place, by_number, columns);
-                s.restrain(&to.mode, Some(By { variations: self.variations, at, x: x_plus }), columns);
+                s.restrain(&to.mode, Some(Evaluation { variations: self.variations, at, x: x_plus }), columns);
             }
             if is_finite && movers.len() > 1 {
                 let contacts = movers.clone();

@@ -2,7 +2,7 @@
 
 use super::{DEEPEST, Tangent, largest};
 use crate::{
-    hybrid::{Mode, Shown},
+    hybrid::{Mode, StepQuantity},
     integrate::DenseStep,
     system::{Columns, Eight, Gradient, LANES, Lanes, Sticking, Structure},
     vectors::{Path, Work},
@@ -22,13 +22,14 @@ pub(super) struct Coefficients {
 impl Coefficients {
     /// Reads the series of `step`; `None` if the step does not know them.
     pub fn new(structure: &Structure, mode: &Mode, step: &dyn DenseStep) -> Option<Self> {
-        let show = |what: Shown| {
+        let show = |what: StepQuantity| {
             let mut series = Vec::new();
             step.show(what, &mut series).then_some(series)
         };
-        let clock = show(Shown::Time)?.iter().enumerate().skip(1).map(|(k, t)| k as f64 * t).collect();
+        let clock = show(StepQuantity::Time)?.iter().enumerate().skip(1).map(|(k, t)| k as f64 * t).collect();
         let changes = structure.changing(mode).map(|(j, latch)| {
-            let by = [show(Shown::ByDeflection(j))?, show(Shown::ByRate(j))?, show(Shown::ByLatch(j))?];
+            let by =
+                [show(StepQuantity::ByDeflection(j))?, show(StepQuantity::ByRate(j))?, show(StepQuantity::ByLatch(j))?];
             Some((j, latch, by))
         });
         Some(Self { clock, changes: changes.collect::<Option<_>>()? })

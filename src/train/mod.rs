@@ -20,4 +20,4 @@ pub use mesh::{Mesh, MeshBack, mesh_damping};
 pub use pair::{GearPair, KahramanSingh};
 pub use planetary::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning};
 pub use scaled::Quantity;
-pub use wall::{Walled, Walls};
+pub use wall::{WalledOscillator, Walls};

@@ -29,7 +29,7 @@ pub enum Walls {
 
 /// `m ẍ + c ẋ + k x + F = f₀ + Σ f cos(ω t + φ)`, walls at their position plus `w(t) = Σ a cos(ω t + φ)`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Walled {
+pub struct WalledOscillator {
     /// Mass m, kg, > 0.
     pub mass: f64,
     /// Damper to ground c, N s/m, ≥ 0.
@@ -52,7 +52,7 @@ pub struct Walled {
     pub omega: Option<f64>,
 }
 
-impl Walled {
+impl WalledOscillator {
     /// A free mass, kg, under a law; no load, no motion.
     #[must_use]
     pub fn new(mass: f64, walls: Walls, law: Law, contact_stiffness: Stiffness) -> Self {

@@ -1,6 +1,6 @@
 //! One arc of a run, and the sizes of its terms: rounding is a few units of them.
 
-use super::{Lane, TOLERANCE};
+use super::{CheckPosition, TOLERANCE};
 use crate::{
     event::EventRecord,
     hybrid::{GuardId, GuardSet, HybridSystem, Instant, VectorField},
@@ -19,7 +19,7 @@ const SMALLEST: f64 = 1e-9;
 /// An arc of a run, with the end that the run reports.
 pub(super) struct Arc<'a> {
     pub system: &'a dyn HybridSystem,
-    pub lane: &'a Lane,
+    pub lane: &'a CheckPosition,
     /// Duration of the arc, s.
     pub length: f64,
     /// Unit of the tolerance, s.
@@ -33,7 +33,7 @@ pub(super) struct Arc<'a> {
 
 impl<'a> Arc<'a> {
     /// Returns the arc from the position of a check to `end`; `period` is its unit of time, s, or else its own length.
-    pub fn new(system: &'a dyn HybridSystem, lane: &'a Lane, end: Instant, period: Option<f64>) -> Self {
+    pub fn new(system: &'a dyn HybridSystem, lane: &'a CheckPosition, end: Instant, period: Option<f64>) -> Self {
         let from = &lane.last;
         let length = system.clock().between(from.at, end);
         let unit = period.unwrap_or(length);

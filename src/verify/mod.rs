@@ -72,9 +72,9 @@ pub struct Verification {
 }
 
 /// A guard that fires in a mode.
-type Seen = (Mode, GuardId);
+type FiringGuard = (Mode, GuardId);
 
-fn fired(record: &EventRecord) -> impl Iterator<Item = Seen> {
+fn fired(record: &EventRecord) -> impl Iterator<Item = FiringGuard> {
     record.fired.iter().map(|id| (record.from.clone(), id))
 }
 
@@ -83,11 +83,11 @@ enum Verdict {
     Same,
     NotJudged,
     /// Events found, and the delay of the run, s.
-    Differs(Vec<Seen>, Option<f64>),
+    Differs(Vec<FiringGuard>, Option<f64>),
 }
 
 /// Position of one check. It lags behind the run until no more events can belong to the instant that it is to compare.
-struct Lane {
+struct CheckPosition {
     /// State at the start of the arc.
     last: State,
     /// Events at the end of the arc; if empty, the arc has no event.
@@ -101,7 +101,7 @@ pub struct Verifier<'s, S> {
     system: &'s S,
     period: Option<f64>,
     choice: Choice,
-    lanes: [Lane; 2],
+    lanes: [CheckPosition; 2],
     tallies: [Tally; 2],
     collocation: Collocation,
     difference: Option<Difference>,
@@ -117,7 +117,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
     /// `choice` is the integrator of the run: arcs of another method than the Taylor series are not compared with series.
     #[must_use]
     pub fn new(system: &'s S, state: &State, period: Option<f64>, choice: Choice) -> Self {
-        let lane = || Lane { last: state.clone(), pending: Vec::new(), touches: Vec::new() };
+        let lane = || CheckPosition { last: state.clone(), pending: Vec::new(), touches: Vec::new() };
         Self {
             system,
             period,
@@ -239,8 +239,8 @@ impl<S: HybridSystem + ContactView> Observer for Verifier<'_, S> {
 }
 
 /// Describes contacts and their events in words.
-fn words<S: ContactView>(system: &S, seen: impl IntoIterator<Item = Seen>) -> String {
-    let word = |(mode, id): Seen| {
+fn words<S: ContactView>(system: &S, seen: impl IntoIterator<Item = FiringGuard>) -> String {
+    let word = |(mode, id): FiringGuard| {
         let (j, watch) = system.watch(id);
         let kind = match (system.contact_mode(j, &mode), watch) {
             (before, Watch::Force) if system.is_rigid(j) && before.is_closed() => "release",

@@ -14,14 +14,14 @@ use crate::{
 const STEPS: u64 = 1_000_000;
 
 /// Observer that records the events of a replay.
-struct Found {
+struct ReplayLog {
     records: Vec<EventRecord>,
     touches: Vec<EventRecord>,
     steps: u64,
     most: usize,
 }
 
-impl Observer for Found {
+impl Observer for ReplayLog {
     fn step(&mut self, _: &Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
         self.steps += 1;
         if self.steps > STEPS { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -46,7 +46,7 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     let mut engine = Engine::new(arc.system, Box::new(Taylor::varied()), Options::default(), arc.lane.last.clone());
     // One instant of the run may be several in the replay, at most one for each fired guard.
     let most = pending.len().max(arc.fired().len());
-    let mut found = Found { records: Vec::new(), touches: Vec::new(), steps: 0, most };
+    let mut found = ReplayLog { records: Vec::new(), touches: Vec::new(), steps: 0, most };
     let failed = engine.run(until, &mut found).is_err();
     let first = found.records.first();
     if found.steps > STEPS || failed && first.is_none() {

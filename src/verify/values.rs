@@ -3,7 +3,7 @@
 use std::array::from_fn;
 
 use super::{
-    Seen, TOLERANCE, Verdict,
+    FiringGuard, TOLERANCE, Verdict,
     arc::Arc,
     collocation::{Collocation, DEGREE, Nodal, RTOL, tail, value},
 };
@@ -28,7 +28,7 @@ pub(super) fn check(arc: &Arc<'_>, collocation: &mut Collocation) -> (Verdict, u
     let mut walk = Walk::new(arc, collocation, most);
     let again = walk.verdict();
     // Tests whether the run recorded this dip as a touch.
-    let is_touch = |found: &[Seen], late: f64| {
+    let is_touch = |found: &[FiringGuard], late: f64| {
         let at = arc.system.clock().advance(arc.lane.last.at, arc.length - late);
         arc.is_touched(&arc.lane.touches, &found.iter().map(|(_, guard)| *guard).collect(), at)
     };

@@ -303,7 +303,7 @@ mod gears {
             Harmonic, Piece, Stiffness,
             contact::{Law, Linear, PowerLaw, Ratio, Release, Rigid},
         },
-        train::{Walled, Walls},
+        train::{WalledOscillator, Walls},
     };
 
     const RTOLS: [f64; 3] = [1e-6, 1e-8, 1e-10];
@@ -364,11 +364,11 @@ mod gears {
             speed_floor: 1e-9,
             initial_speed: 1e-2,
         });
-        let walled = Walled {
+        let walled = WalledOscillator {
             damping: 0.02,
             load: 0.1,
             load_harmonics: vec![Harmonic { omega: 0.9, amplitude: 0.4, phase: 0.0 }],
-            ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(5.0))
+            ..WalledOscillator::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(5.0))
         };
         let s = Structure::new(walled.assemble().unwrap()).unwrap();
         compare("hertz", &s, &start(&s, &[0.0], &[0.3]), 40.0, &RTOLS, 50.0);
@@ -377,10 +377,10 @@ mod gears {
     #[test]
     fn rigid_impacts_come_to_rest_and_let_go() {
         let law = Law::Rigid(Rigid::constant(0.4));
-        let walled = Walled {
+        let walled = WalledOscillator {
             load: -1.0,
             motion: vec![Harmonic { omega: 1.0, amplitude: 1.6, phase: 0.0 }],
-            ..Walled::new(1.0, Walls::Below { position: 0.0 }, law, Stiffness::Constant(0.0))
+            ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, law, Stiffness::Constant(0.0))
         };
         let s = Structure::new(walled.assemble().unwrap()).unwrap();
         compare("rigid", &s, &start(&s, &[1.8], &[0.0]), 20.0, &RTOLS, 50.0);
@@ -427,10 +427,10 @@ mod gears {
     #[cfg(feature = "diffsol")]
     fn overdamped() -> Structure {
         let law = Law::KelvinVoigt(Linear { damping: 1e5 }, Release::Deflection);
-        let walled = Walled {
+        let walled = WalledOscillator {
             load: 10.0,
             load_harmonics: vec![Harmonic { omega: 10.0, amplitude: 8.0, phase: 0.0 }],
-            ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1e6))
+            ..WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1e6))
         };
         Structure::new(walled.assemble().unwrap()).unwrap()
     }
@@ -631,7 +631,7 @@ fn slivers_of_arcs_and_late_times_are_as_good_as_any() {
                 still: &GuardSet::default(),
                 bound: clock.advance(from.at, span),
                 tolerance: flank::hybrid::FULL_PRECISION,
-                before: flank::integrate::Before::default(),
+                before: flank::integrate::EarlierSteps::default(),
             };
             let mut visits = 0;
             let done = integrator.integrate_arc(&s, &arc, &mut end, &mut [], &mut |step| {

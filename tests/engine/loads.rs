@@ -5,7 +5,7 @@ use std::{f64::consts::TAU, fs};
 use approx::assert_relative_eq;
 use flank::{
     Simulation,
-    analysis::{EventRow, Kind},
+    analysis::{EventKind, EventRow},
     gear::Stiffness,
     scene::{Scene, SceneError},
 };
@@ -23,7 +23,7 @@ fn run(scene: &Value) -> Vec<EventRow> {
     record.events
 }
 
-fn times(events: &[EventRow], kind: Kind) -> Vec<f64> {
+fn times(events: &[EventRow], kind: EventKind) -> Vec<f64> {
     let of_kind = events.iter().filter(|row| row.contacts.iter().any(|contact| contact.kind == kind));
     of_kind.map(|row| row.t.parse().unwrap()).collect()
 }
@@ -54,14 +54,14 @@ fn a_square_force_lets_go_at_its_steps() {
         "initial": { "q": [1.0], "v": [1.0] }, "run": { "t_end_s": 10.0 }
     });
     let events = run(&scene);
-    let impacts = times(&events, Kind::Impact);
+    let impacts = times(&events, EventKind::Impact);
     let later = 1.388_094_548_843_300_2;
     let expected = [1.458_241_875_674_662, 2.0 + later, 4.0 + later, 6.0 + later, 8.0 + later];
     assert_eq!(impacts.len(), expected.len());
     for (found, expected) in impacts.iter().zip(expected) {
         assert_relative_eq!(*found, expected, max_relative = 1e-15);
     }
-    let releases: Vec<&EventRow> = events.iter().filter(|row| row.contacts[0].kind == Kind::Release).collect();
+    let releases: Vec<&EventRow> = events.iter().filter(|row| row.contacts[0].kind == EventKind::Release).collect();
     assert_eq!(releases.len(), 4);
     for (row, expected) in releases.iter().zip([2.0, 4.0, 6.0, 8.0]) {
         assert_relative_eq!(row.t.parse::<f64>().unwrap(), expected, max_relative = 1e-16);
@@ -83,15 +83,15 @@ fn a_free_mass_follows_steps_and_ramps_to_the_wall() {
         if wall_in(middle) < 1.0 { low = middle } else { high = middle }
     }
     let events = run(&thrown(load));
-    assert_relative_eq!(times(&events, Kind::Impact)[0], 0.5 + low, max_relative = 1e-14);
+    assert_relative_eq!(times(&events, EventKind::Impact)[0], 0.5 + low, max_relative = 1e-14);
     // At rest it is pressed by p > 0 up to 1.25 s, where the ramp passes zero; the step throws it back.
-    assert_relative_eq!(times(&events, Kind::Release)[0], 1.25, max_relative = 1e-15);
+    assert_relative_eq!(times(&events, EventKind::Release)[0], 1.25, max_relative = 1e-15);
     let fall = |a: f64, t: f64| 0.5 * a * t * t;
     // From 1.25 s: p = −4 (t − 1.25) to 1.5 s, −1 to 2 s, then 4.
     let (x, v) = (-4.0 / 2.0 * 0.25_f64.powi(3) / 6.0, -4.0 / 2.0 * 0.25_f64.powi(2) / 2.0);
     let (x, v) = (x + v * 0.5 + fall(-0.5, 0.5), v - 0.5 * 0.5);
     let back = (-v + (v * v - 2.0 * 2.0 * x).sqrt()) / 2.0;
-    assert_relative_eq!(times(&events, Kind::Impact)[1], 2.0 + back, max_relative = 1e-14);
+    assert_relative_eq!(times(&events, EventKind::Impact)[1], 2.0 + back, max_relative = 1e-14);
 }
 
 /// The same load as steps, as lines with double points, from a table, scaled, in milliseconds and with decimals in quotation marks.
@@ -253,7 +253,7 @@ fn a_back_flank_of_its_own_stands_where_its_error_says() {
     };
     // Flanks at 0.6 and −0.3.
     let events = run(&scene(json!({ "error_offset_m": 0.2 }), 0.0));
-    let impacts: Vec<&EventRow> = events.iter().filter(|row| row.contacts[0].kind == Kind::Impact).collect();
+    let impacts: Vec<&EventRow> = events.iter().filter(|row| row.contacts[0].kind == EventKind::Impact).collect();
     assert_relative_eq!(impacts[0].seconds, 0.6, max_relative = 1e-14);
     assert_relative_eq!(impacts[1].seconds, 0.6 + 0.9 / 0.5, max_relative = 1e-14);
     let [drive, back] = [&impacts[0].contacts[0], &impacts[1].contacts[0]];
@@ -265,7 +265,7 @@ fn a_back_flank_of_its_own_stands_where_its_error_says() {
     // With a damper in the gap: x = v m/c (1 − exp(−c t/m)).
     let events = run(&scene(json!({}), 0.8));
     let expected = -(1.0 - 0.6 * 0.8 / 2.0_f64).ln() * 2.0 / 0.8;
-    assert_relative_eq!(times(&events, Kind::Impact)[0], expected, max_relative = 1e-14);
+    assert_relative_eq!(times(&events, EventKind::Impact)[0], expected, max_relative = 1e-14);
 }
 
 /// Flanks with the same numbers give the motion of the contact with two flanks, under every law.

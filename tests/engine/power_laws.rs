@@ -324,7 +324,7 @@ fn the_defect_bounds_the_error() {
             still: GuardSet::none(),
             bound: end,
             tolerance: flank::hybrid::FULL_PRECISION,
-            before: flank::integrate::Before::default(),
+            before: flank::integrate::EarlierSteps::default(),
         };
 
         let outcome = Taylor::default().integrate_arc(&s, &arc, &mut truth, &mut [], &mut |step| {
@@ -490,7 +490,7 @@ fn guards_have_derivatives_in_time() {
                 still: GuardSet::none(),
                 bound: s.clock().instant(1e-2),
                 tolerance: flank::hybrid::FULL_PRECISION,
-                before: flank::integrate::Before::default(),
+                before: flank::integrate::EarlierSteps::default(),
             };
             let mut found = None;
             let mut visit = |step: &dyn flank::integrate::DenseStep| {

@@ -3,7 +3,7 @@
 use approx::assert_relative_eq;
 use flank::{
     Simulation,
-    analysis::Kind,
+    analysis::EventKind,
     gear::contact::{MOST_POINTS, Restitution},
     scene::Scene,
 };
@@ -39,7 +39,7 @@ fn every_impact_returns_by_its_own_speed() {
     };
     for (law, e) in [(power(), &by_power as &dyn Fn(f64) -> f64), (table, &by_table)] {
         let record = Simulation::from_scene(ball(law).unwrap()).unwrap().run().unwrap();
-        let impacts: Vec<_> = record.events.iter().filter(|row| row.contacts[0].kind == Kind::Impact).collect();
+        let impacts: Vec<_> = record.events.iter().filter(|row| row.contacts[0].kind == EventKind::Impact).collect();
         assert!(impacts.len() > 30);
         let g: f64 = 9.81;
         let (mut t, mut v) = ((2.0 / g).sqrt(), (2.0 * g).sqrt());
@@ -60,7 +60,7 @@ fn every_impact_returns_by_its_own_speed() {
             t += 2.0 * v / g;
         }
         let last = record.events.last().unwrap();
-        assert_eq!(last.contacts[0].kind, Kind::Stick);
+        assert_eq!(last.contacts[0].kind, EventKind::Stick);
         assert_relative_eq!(last.t.parse::<f64>().unwrap(), t, max_relative = 1e-10);
     }
 }
@@ -80,7 +80,7 @@ fn a_restitution_that_changes_to_the_end_comes_to_rest() {
         t += 2.0 * v / g;
     }
     let last = record.events.last().unwrap();
-    assert_eq!(last.contacts[0].kind, Kind::Stick);
+    assert_eq!(last.contacts[0].kind, EventKind::Stick);
     let stated = last.uncertainty.max(1e-12);
     assert!((last.t.parse::<f64>().unwrap() - t).abs() <= stated, "{} {t} {stated:e}", last.t);
 }

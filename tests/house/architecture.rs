@@ -152,7 +152,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("gear", Only(&["contact"])),
             ("hybrid", All),
             ("integrate", Only(&["DenseStep"])),
-            ("kernel", Only(&["Lane", "Noted", "Passed"])),
+            ("kernel", Only(&["Lane", "LaneEvent", "LaneRecords"])),
             ("orbit", All),
             ("output", All),
             ("plot", All),

@@ -2,7 +2,9 @@
 
 use flank::{
     Simulation, Task,
-    branch::{Branch, Codimension, Continuation, Curve, CurvePoint, Family, Followed, Kind, Special, curves},
+    branch::{
+        Branch, BranchProgress, Codimension, Continuation, Curve, CurvePoint, Family, Special, SpecialKind, curves,
+    },
     orbit::{Search, SectionMap},
     scene::Scene,
     simulation::Parameter,
@@ -23,8 +25,8 @@ fn specials(branches: &[Branch]) -> Vec<&Special> {
 }
 
 /// Exactly these special points are on the first branch, each to 1e-11 of its value.
-fn expect(branches: &[Branch], expected: &[(Kind, f64)]) {
-    let mut found: Vec<(Kind, f64)> = branches[0].specials.iter().map(|s| (s.kind, s.value)).collect();
+fn expect(branches: &[Branch], expected: &[(SpecialKind, f64)]) {
+    let mut found: Vec<(SpecialKind, f64)> = branches[0].specials.iter().map(|s| (s.kind, s.value)).collect();
     found.sort_by(|a, b| a.1.total_cmp(&b.1));
     assert_eq!(found.len(), expected.len(), "{found:?}");
     for ((kind, value), (expected_kind, expected)) in found.iter().zip(expected) {
@@ -61,10 +63,10 @@ fn a_response_of_a_pair_has_its_folds_and_grazes() {
     expect(
         &branches,
         &[
-            (Kind::Fold, 0.708_031_618_721_832),
-            (Kind::GrazingSoft, low),
-            (Kind::Fold, 0.828_463_984_388_216),
-            (Kind::GrazingSoft, high),
+            (SpecialKind::Fold, 0.708_031_618_721_832),
+            (SpecialKind::GrazingSoft, low),
+            (SpecialKind::Fold, 0.828_463_984_388_216),
+            (SpecialKind::GrazingSoft, high),
         ],
     );
     // The branch between the folds is unstable, the others are stable.
@@ -79,7 +81,8 @@ fn a_response_of_a_pair_has_its_folds_and_grazes() {
 #[test]
 fn orbits_lead_back_to_what_they_are_born_from() {
     let branches = follow(&pair(0.05, 0.1, 0.2, 0.9, [1.1, 0.0]), &[FREQUENCY], [0.75, 1.1], 0);
-    let doubling = specials(&branches).into_iter().find(|s| s.kind == Kind::PeriodDoubling && s.period == 1).unwrap();
+    let doubling =
+        specials(&branches).into_iter().find(|s| s.kind == SpecialKind::PeriodDoubling && s.period == 1).unwrap();
     assert!((doubling.value - 0.794_632_401_288).abs() <= 1e-12, "{}", doubling.value);
     assert!((doubling.multiplier.re + 1.0).abs() <= 1e-9 && doubling.multiplier.im == 0.0);
     assert!(branches.iter().any(|branch| branch.points.iter().all(|point| point.period == 1)));
@@ -115,7 +118,7 @@ fn impacts_double_where_they_do() {
         let scene = wall(0.0, 0.0, 0.0, &json!({ "kind": "rigid", "restitution": restitution }), 2.5, [-0.7, 0.1]);
         let branches = follow(&scene, &[FORCING], [2.4, 2.75], 1);
         let first = &branches[0].specials[0];
-        assert_eq!((first.kind, first.period, first.word.as_str()), (Kind::PeriodDoubling, 1, "i0+"));
+        assert_eq!((first.kind, first.period, first.word.as_str()), (SpecialKind::PeriodDoubling, 1, "i0+"));
         // Eleven digits after the point are given.
         assert!((first.value - expected).abs() <= 1e-11, "{restitution}: {} {expected}", first.value);
         assert_eq!((branches[1].level, branches[1].points[0].period), (1, 2));
@@ -144,10 +147,10 @@ fn a_graze_has_the_kind_of_its_law() {
     let damped = |release: &str| json!({ "kind": "kelvin-voigt", "damping_n_s_per_m": 0.6, "release": release });
     let hysteresis = json!({ "kind": "power", "exponent": "3/2", "hysteresis_coefficient": 0.5, "speed_floor_m_per_s": 1e-6, "initial_speed_m_per_s": 0.05 });
     for (law, kind) in [
-        (json!({ "kind": "rigid", "restitution": 0.7 }), Kind::GrazingRigid),
-        (damped("deflection"), Kind::GrazingDamped),
-        (damped("force"), Kind::GrazingDamped),
-        (hysteresis, Kind::GrazingSoft),
+        (json!({ "kind": "rigid", "restitution": 0.7 }), SpecialKind::GrazingRigid),
+        (damped("deflection"), SpecialKind::GrazingDamped),
+        (damped("force"), SpecialKind::GrazingDamped),
+        (hysteresis, SpecialKind::GrazingSoft),
     ] {
         let branches = follow(&wall(0.1, 0.5, 0.0, &law, 1.9, [0.0, 0.0]), &[FORCING], [1.65, 2.2], 0);
         expect(&branches, &[(kind, touches)]);
@@ -160,10 +163,10 @@ fn a_branch_of_impacts_ends_at_its_graze() {
     let law = json!({ "kind": "rigid", "restitution": 0.7 });
     let branches = follow(&wall(0.1, 0.5, 0.0, &law, 1.6, [0.0, 0.0]), &[FORCING], [1.5, 2.0], 0);
     let touches = crossing(1.0, 0.1, 0.5, |_| 1.0, 1.5, 2.0);
-    let graze = branches[0].specials.iter().find(|s| s.kind == Kind::GrazingRigid).unwrap();
+    let graze = branches[0].specials.iter().find(|s| s.kind == SpecialKind::GrazingRigid).unwrap();
     // The derivative grows as the inverse of the speed: some digits go.
     assert!((graze.value - touches).abs() <= 1e-11, "{} {touches}", graze.value);
-    assert!(branches[0].specials.iter().any(|s| s.kind == Kind::Fold));
+    assert!(branches[0].specials.iter().any(|s| s.kind == SpecialKind::Fold));
 }
 
 /// In contact all the time: a force that is kept by the damper falls to zero before the deflection does.
@@ -179,7 +182,7 @@ fn a_force_that_touches_zero_is_a_graze() {
         let law = json!({ "kind": "kelvin-voigt", "damping_n_s_per_m": 0.6, "release": release });
         let branches = follow(&wall(0.1, -0.5, 3.0, &law, 3.0, [0.2, 0.0]), &[FORCING], [2.0, 6.0], 0);
         // Two more are where the zone is left for the gap.
-        let is_first = |s: &&Special| s.kind == Kind::GrazingDamped && s.word.is_empty();
+        let is_first = |s: &&Special| s.kind == SpecialKind::GrazingDamped && s.word.is_empty();
         let grazes: Vec<&Special> = branches[0].specials.iter().filter(is_first).collect();
         assert_eq!(grazes.len(), 2);
         for (graze, expected) in grazes.iter().zip([first, last]) {
@@ -194,7 +197,7 @@ fn a_rest_ends() {
     let law = json!({ "kind": "rigid", "restitution": 0.3 });
     let scene = wall(0.2, 0.0, 0.0, &law, 0.9, [-0.3, 0.1]);
     let branches = follow(&scene, &[FORCING], [0.8, 1.0], 0);
-    let stick = branches[0].specials.iter().find(|s| s.kind == Kind::Stick).unwrap();
+    let stick = branches[0].specials.iter().find(|s| s.kind == SpecialKind::Stick).unwrap();
     for (side, rests) in [(-1e-7, true), (1e-7, false)] {
         let mut other = scene.clone();
         *other.pointer_mut(FORCING).unwrap() = json!(stick.value + side);
@@ -216,7 +219,7 @@ fn a_rest_vanishes_where_the_ball_lands_as_it_is_let_go() {
     let specials: Vec<&Special> = branches[0].specials.iter().collect();
     let [stick] = specials[..] else { panic!("{specials:?}") };
     let exact = 1f64.hypot(std::f64::consts::PI);
-    assert_eq!((stick.kind, stick.word.as_str()), (Kind::Stick, "l0+ z0+"));
+    assert_eq!((stick.kind, stick.word.as_str()), (SpecialKind::Stick, "l0+ z0+"));
     assert!((stick.value - exact).abs() <= stick.uncertainty.min(1e-12 * exact), "{} {exact}", stick.value);
     // Beyond it the ball strikes without a rest.
     let last = &branches[0].points[branches[0].points.len() - 1];
@@ -243,7 +246,9 @@ fn two_contacts_meet_and_a_torus_is_born() {
         "run": { "cycles": 600 },
     });
     let branches = follow(&scene, &[FORCING], [1.2, 2.3], 0);
-    for (kind, expected) in [(Kind::Torus, 1.216_587_562_158_521), (Kind::Coincidence, 1.692_078_913_237_279_7)] {
+    for (kind, expected) in
+        [(SpecialKind::Torus, 1.216_587_562_158_521), (SpecialKind::Coincidence, 1.692_078_913_237_279_7)]
+    {
         let found = branches[0].specials.iter().filter(|special| special.kind == kind).map(|special| special.value);
         let off = found.map(|value| (value - expected).abs()).fold(f64::INFINITY, f64::min);
         assert!(off <= 1e-11 * expected, "{kind:?}: {off:e}");
@@ -256,13 +261,13 @@ fn two_contacts_meet_and_a_torus_is_born() {
         there["initial"] = json!({ "q": point.section.x[..2], "v": point.section.x[2..] });
         let simulation = Simulation::from_scene(Scene::from_value(there.clone(), "test").unwrap()).unwrap();
         match special.kind {
-            Kind::Torus => {
+            SpecialKind::Torus => {
                 let found = Search { period: Some(1), starts: 0 }.run(&simulation, Task::default()).unwrap();
                 let off = (found.orbits[0].largest_multiplier() - 1.0).abs();
                 assert!(off <= 1e-9 && special.multiplier.im > 0.0, "{off:e}");
                 tori += 1;
             }
-            Kind::Coincidence => {
+            SpecialKind::Coincidence => {
                 // A little before and behind, the orbit has the same events in another order.
                 let words = [-1e-7, 1e-7].map(|side| {
                     let mut beside = there.clone();
@@ -303,7 +308,7 @@ fn chain(matrices: [&Value; 3], load: f64, force: [f64; 2], contacts: &Value) ->
 }
 
 /// The special point of a kind that is nearest to an expected value.
-fn nearest(branches: &[Branch], kind: Kind, expected: f64) -> f64 {
+fn nearest(branches: &[Branch], kind: SpecialKind, expected: f64) -> f64 {
     let off = |value: &f64| (value - expected).abs();
     let found = specials(branches).into_iter().filter(|special| special.kind == kind).map(|special| special.value);
     found.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(f64::NAN)
@@ -319,7 +324,7 @@ fn what_lies_in_a_long_step_is_located() {
     let stiffness = json!([[1.872, -0.835], [-0.835, 0.835]]);
     let scene = chain([&json!([1.049, 0.792]), &damping, &stiffness], 0.0, [0.538, 0.84], &contact);
     let branches = follow(&scene, &["/train/contacts/0/half_backlash_m"], [0.64, 0.78], 0);
-    let (expected, found) = (0.756_471_783_017_940_5, nearest(&branches, Kind::Symmetry, 0.756));
+    let (expected, found) = (0.756_471_783_017_940_5, nearest(&branches, SpecialKind::Symmetry, 0.756));
     assert!((found - expected).abs() <= 1e-11 * expected, "{found}");
     assert!(branches[0].unlocated.is_empty(), "{:?}", branches[0].unlocated);
 
@@ -334,7 +339,7 @@ fn what_lies_in_a_long_step_is_located() {
     let stiffness = json!([[2.126, -0.802], [-0.802, 0.802]]);
     let scene = chain([&json!([1.187, 0.871]), &damping, &stiffness], 0.176, [0.676, 0.821], &contacts);
     let branches = follow(&scene, &["/train/mass_kg/0"], [0.7552, 1.9931], 1);
-    let (expected, found) = (1.587_569_950_491_998, nearest(&branches, Kind::Coincidence, 1.5876));
+    let (expected, found) = (1.587_569_950_491_998, nearest(&branches, SpecialKind::Coincidence, 1.5876));
     assert!((found - expected).abs() <= 1e-11 * expected, "{found}");
     assert!(branches.iter().all(|branch| branch.unlocated.is_empty()));
 }
@@ -351,7 +356,7 @@ fn the_motion_behind_a_rigid_graze_is_followed() {
     let stiffness = [[2.601, -1.402, 0.0], [-1.402, 2.654, -1.252], [0.0, -1.252, 1.252]];
     let scene = chain([&json!(mass), &json!(damping), &json!(stiffness)], 0.0, [0.628, 1.685], &contacts);
     let branches = follow(&scene, &[FORCING], [1.5, 2.2], 0);
-    let (expected, found) = (1.782_597_358_597_0, nearest(&branches, Kind::GrazingRigid, 1.7826));
+    let (expected, found) = (1.782_597_358_597_0, nearest(&branches, SpecialKind::GrazingRigid, 1.7826));
     assert!((found - expected).abs() <= 1e-11 * expected, "{found}");
     let gap = |omega: f64| {
         let matrix = Matrix3::from_fn(|i, j| {
@@ -361,7 +366,7 @@ fn the_motion_behind_a_rigid_graze_is_followed() {
         let force = Vector3::new(Complex::from(0.628), Complex::from(0.0), Complex::from(0.0));
         (matrix.try_inverse().unwrap() * force)[2].norm() - 0.356
     };
-    let touches = nearest(&branches[1..], Kind::GrazingRigid, 1.799);
+    let touches = nearest(&branches[1..], SpecialKind::GrazingRigid, 1.799);
     // The amplitude changes by some units for one of frequency.
     assert!(gap(touches).abs() <= 1e-11, "{touches}");
 }
@@ -430,7 +435,7 @@ fn minima_are_where_a_polynomial_begins_to_rise() {
 }
 
 /// The curves of `kind` of `scene` in the plane of two numbers.
-fn plane(scene: &Value, kind: Kind, first: (&str, [f64; 2]), second: (&str, [f64; 2])) -> Vec<Curve> {
+fn plane(scene: &Value, kind: SpecialKind, first: (&str, [f64; 2]), second: (&str, [f64; 2])) -> Vec<Curve> {
     let scene = Scene::from_value(scene.clone(), "test").unwrap();
     let number = |pointer: &str| Parameter::new(scene.resolved(), &[pointer]).unwrap();
     let family = Family::new(&scene, number(first.0), first.1).unwrap().with(number(second.0), second.1).unwrap();
@@ -445,7 +450,7 @@ fn a_ball_on_a_table_doubles_on_the_curve_of_holmes() {
     let ball = Scene::from_file("examples/scenes/bouncing-ball.json").unwrap().resolved().clone();
     let fold = |e: f64| std::f64::consts::PI * (1.0 - e) / (1.0 + e);
     let doubling = |e: f64| fold(e).hypot(2.0 * (1.0 + e * e) / (1.0 + e).powi(2));
-    for (kind, exact) in [(Kind::Fold, &fold as &dyn Fn(f64) -> f64), (Kind::PeriodDoubling, &doubling)] {
+    for (kind, exact) in [(SpecialKind::Fold, &fold as &dyn Fn(f64) -> f64), (SpecialKind::PeriodDoubling, &doubling)] {
         let amplitude = ("/train/wall_motion/0/amplitude_m", [0.4, 3.0]);
         let curves = plane(&ball, kind, amplitude, ("/train/law/restitution", [0.2, 0.8]));
         assert!(curves.len() == 1 && curves[0].points.len() > 20, "{kind:?}: {}", curves.len());
@@ -461,7 +466,7 @@ fn a_ball_on_a_table_doubles_on_the_curve_of_holmes() {
 fn grazes_have_the_curves_of_their_closed_forms() {
     let (zeta, error) = (0.05f64, 0.05f64);
     let scene = pair(zeta, 0.1, error, 0.6, [1.1, 0.0]);
-    let found = plane(&scene, Kind::GrazingSoft, (FREQUENCY, [0.5, 1.6]), ("/train/mean_load", [0.02, 0.4]));
+    let found = plane(&scene, SpecialKind::GrazingSoft, (FREQUENCY, [0.5, 1.6]), ("/train/mean_load", [0.02, 0.4]));
     assert_eq!(found.len(), 2);
     let amplitude = |w: f64| error * w * w / (1.0 - w * w).hypot(2.0 * zeta * w);
     for point in found.iter().flat_map(|curve| &curve.points) {
@@ -478,7 +483,7 @@ fn grazes_have_the_curves_of_their_closed_forms() {
         let law = json!({ "kind": "rigid", "restitution": 0.7 });
         let scene = wall(0.1, 0.5, 0.0, &law, frequency, [0.0, 0.0]);
         let second = ("/train/wall/position_m", [0.4, 0.7]);
-        let found = plane(&scene, Kind::GrazingRigid, (FORCING, [1.4, 2.2]), second);
+        let found = plane(&scene, SpecialKind::GrazingRigid, (FORCING, [1.4, 2.2]), second);
         assert_eq!(found.len(), 1);
         assert!(found[0].points.len() > 10);
         for point in &found[0].points {
@@ -493,14 +498,14 @@ fn grazes_have_the_curves_of_their_closed_forms() {
 #[test]
 fn folds_meet_at_a_cusp() {
     let scene = pair(0.05, 0.1, 0.05, 0.6, [1.1, 0.0]);
-    let found = plane(&scene, Kind::Fold, (FREQUENCY, [0.6, 1.2]), ("/train/mean_load", [0.08, 0.6]));
+    let found = plane(&scene, SpecialKind::Fold, (FREQUENCY, [0.6, 1.2]), ("/train/mean_load", [0.08, 0.6]));
     assert_eq!(found.len(), 1);
     let special: Vec<&CurvePoint> = found[0].points.iter().filter(|point| point.codimension_two.is_some()).collect();
     let [cusp] = special[..] else { panic!("{special:?}") };
     assert_eq!(cusp.codimension_two, Some(Codimension::Cusp));
     let folds = |load: f64| {
         let branches = follow(&pair(0.05, load, 0.05, 0.6, [1.1, 0.0]), &[FREQUENCY], [0.6, 1.2], 0);
-        specials(&branches).into_iter().filter(|special| special.kind == Kind::Fold).count()
+        specials(&branches).into_iter().filter(|special| special.kind == SpecialKind::Fold).count()
     };
     assert_eq!((folds(cusp.second - 1e-3), folds(cusp.second + 1e-3)), (2, 0));
 }
@@ -512,8 +517,8 @@ fn points_of_curves_are_special_points_of_branches() {
     let doubling = wall(0.0, 0.0, 0.0, &rigid(0.8), 2.5, [-0.7, 0.1]);
     let rest = wall(0.2, 0.0, 0.0, &rigid(0.0), 1.0, [-0.3, 0.1]);
     for (scene, kind, ends, (pointer, range)) in [
-        (doubling, Kind::PeriodDoubling, [2.4, 2.75], ("/train/law/restitution", [0.6, 0.9])),
-        (rest, Kind::Stick, [0.8, 2.4], ("/train/load_n", [-0.2, 0.1])),
+        (doubling, SpecialKind::PeriodDoubling, [2.4, 2.75], ("/train/law/restitution", [0.6, 0.9])),
+        (rest, SpecialKind::Stick, [0.8, 2.4], ("/train/load_n", [-0.2, 0.1])),
     ] {
         let found = plane(&scene, kind, (FORCING, ends), (pointer, range));
         assert_eq!(found.len(), 1, "{kind:?}");
@@ -538,14 +543,14 @@ fn work_that_is_broken_off_goes_on() {
     let family = Family::new(&scene, parameter, [0.75, 1.0]).unwrap();
     let asked = Continuation { doublings: 2, ..Continuation::default() };
     let mut kept: Vec<String> = Vec::new();
-    let mut each = |so_far: &Followed| {
+    let mut each = |so_far: &BranchProgress| {
         kept.push(serde_json::to_string(so_far).unwrap());
         Ok(())
     };
     let whole = asked.run(&family, None, &mut each, Task::default()).unwrap();
     assert!(whole.branches.len() >= 3, "{}", whole.branches.len());
     for text in &kept[..kept.len() - 1] {
-        let earlier: Followed = serde_json::from_str(text).unwrap();
+        let earlier: BranchProgress = serde_json::from_str(text).unwrap();
         let again = asked.run(&family, Some(earlier), &mut |_| Ok(()), Task::default()).unwrap();
         assert_eq!(format!("{:?}", again.branches), format!("{:?}", whole.branches));
     }
@@ -570,7 +575,8 @@ fn symmetry_breaks_where_it_does() {
         "run": { "cycles": 300 },
     });
     let branches = follow(&scene, &[FORCING], [0.4, 2.2], 1);
-    let breaks: Vec<f64> = branches[0].specials.iter().filter(|s| s.kind == Kind::Symmetry).map(|s| s.value).collect();
+    let breaks: Vec<f64> =
+        branches[0].specials.iter().filter(|s| s.kind == SpecialKind::Symmetry).map(|s| s.value).collect();
     assert_eq!(breaks.len(), 2, "{breaks:?}");
     for (found, expected) in breaks.iter().zip([1.204_531_949_196, 1.309_988_578_831]) {
         assert!((found - expected).abs() <= 1e-11, "{found} {expected}");
@@ -589,9 +595,9 @@ fn contact_is_lost_where_the_stiffness_jumps() {
     let branches = follow(scene.resolved(), &["/train/torque_nm"], [5.0, 150.0], 0);
     let thresholds = branches[0].specials.iter().filter(|special| special.word.is_empty());
     let [threshold] = thresholds.collect::<Vec<_>>()[..] else { panic!("{:?}", branches[0].specials) };
-    assert_eq!(threshold.kind, Kind::GrazingDamped);
+    assert_eq!(threshold.kind, SpecialKind::GrazingDamped);
     // Another pair of multipliers is always near the unit circle, inside: it is not taken for the one that passes.
-    let torus = branches[0].specials.iter().find(|special| special.kind == Kind::Torus).unwrap();
+    let torus = branches[0].specials.iter().find(|special| special.kind == SpecialKind::Torus).unwrap();
     assert!((torus.multiplier.norm() - 1.0).abs() <= 1e-9 && branches[0].unlocated.is_empty(), "{torus:?}");
     let word = |load: f64| {
         let scene = scene.with("/train/torque_nm", json!(load)).unwrap();
@@ -613,9 +619,11 @@ fn what_is_near_another_point_is_found() {
     scene["train"]["load_harmonics"][0]["amplitude_n"] = json!(0.5);
     scene["train"]["contact_stiffness"] = json!(28.0);
     let branches = follow(&scene, &[FORCING], [0.5, 1.0], 1);
-    let near: Vec<(Kind, f64)> =
+    let near: Vec<(SpecialKind, f64)> =
         specials(&branches).iter().filter(|s| s.period == 2).map(|s| (s.kind, s.value)).collect();
-    for (kind, expected) in [(Kind::PeriodDoubling, 0.537_939_195_6), (Kind::GrazingSoft, 0.537_975_080_8)] {
+    for (kind, expected) in
+        [(SpecialKind::PeriodDoubling, 0.537_939_195_6), (SpecialKind::GrazingSoft, 0.537_975_080_8)]
+    {
         let off = near.iter().filter(|(k, _)| *k == kind).map(|(_, v)| (v - expected).abs()).fold(1.0, f64::min);
         assert!(off <= 2e-10, "{kind:?} {near:?}");
     }
@@ -632,7 +640,7 @@ fn what_is_near_another_point_is_found() {
         let branches = follow(&scene, &[FREQUENCY], [0.55, 0.72], 0);
         let off = |special: &&Special| (special.value - expected).abs();
         let nearest = specials(&branches).into_iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
-        assert!(nearest.kind == Kind::GrazingDamped && off(&nearest) <= 1e-12, "{nearest:?}");
+        assert!(nearest.kind == SpecialKind::GrazingDamped && off(&nearest) <= 1e-12, "{nearest:?}");
     }
 }
 
@@ -659,7 +667,7 @@ fn a_rest_that_lasts_ends_where_its_least_load_is_zero() {
         for ends in [[-8.0, -5.0], [-5.5, -7.9], [-7.7, -4.0], [-7.8, -5.9]] {
             let branches = follow(&eccentric(restitution), &[ECCENTRICITY], ends, 0);
             let exact = -7.539_822_368_615_503_5;
-            let found = nearest(&branches, Kind::Stick, exact);
+            let found = nearest(&branches, SpecialKind::Stick, exact);
             let stick = specials(&branches).into_iter().find(|special| special.value == found).unwrap();
             let off = (found - exact).abs();
             assert!(off <= stick.uncertainty && off <= 1e-12, "{restitution} {ends:?}: {off:e} {stick:?}");
@@ -683,7 +691,7 @@ fn a_table_throws_at_the_acceleration_of_gravity() {
         });
         for ends in [[0.6, 1.05], [1.02, 0.3]] {
             let branches = follow(&scene, &["/train/wall_motion/0/amplitude_m"], ends, 0);
-            let stick = branches[0].specials.iter().find(|s| s.kind == Kind::Stick).unwrap();
+            let stick = branches[0].specials.iter().find(|s| s.kind == SpecialKind::Stick).unwrap();
             let off = (stick.value - 1.0).abs();
             assert!(off <= stick.uncertainty && off <= 1e-12, "{restitution} {ends:?}: {off:e} {stick:?}");
         }
@@ -696,7 +704,7 @@ fn a_table_throws_at_the_acceleration_of_gravity() {
 fn a_rest_within_the_cycle_ends_where_the_load_is_zero_at_accumulation() {
     for ends in [[-8.51, -5.5], [-8.503, -5.0]] {
         let branches = follow(&eccentric(0.9), &[ECCENTRICITY], ends, 0);
-        let found = nearest(&branches, Kind::Stick, -8.502);
+        let found = nearest(&branches, SpecialKind::Stick, -8.502);
         let special = specials(&branches).into_iter().find(|s| s.value == found).unwrap();
         let off = (found + 8.502_071_908_645_25).abs();
         assert!(off <= special.uncertainty, "{ends:?}: {off:e} {special:?}");
@@ -713,7 +721,7 @@ fn a_curve_of_rigid_grazes_follows_the_motion_without_the_impact() {
     let law = json!({ "kind": "rigid", "restitution": 0.8 });
     for (frequency, start) in [(1.0, [-0.98, -0.29]), (0.8, [-0.98, -0.29])] {
         let scene = wall(0.1, 1.0, 0.0, &law, frequency, start);
-        let found = plane(&scene, Kind::GrazingRigid, (AMPLITUDE, [0.05, 1.2]), (FORCING, [0.5, 1.4]));
+        let found = plane(&scene, SpecialKind::GrazingRigid, (AMPLITUDE, [0.05, 1.2]), (FORCING, [0.5, 1.4]));
         let points: Vec<&CurvePoint> = found.iter().flat_map(|curve| &curve.points).collect();
         for point in &points {
             let off = (point.value - curve(point.second)).abs();
@@ -725,7 +733,7 @@ fn a_curve_of_rigid_grazes_follows_the_motion_without_the_impact() {
     }
     let scene = wall(0.1, 1.0, 0.0, &law, 1.0, [-0.98, -0.29]);
     let branches = follow(&scene, &[AMPLITUDE], [0.05, 1.2], 0);
-    for (kind, exact) in [(Kind::GrazingRigid, 0.1), (Kind::Fold, 0.099_970_753_628_313_27)] {
+    for (kind, exact) in [(SpecialKind::GrazingRigid, 0.1), (SpecialKind::Fold, 0.099_970_753_628_313_27)] {
         let special = specials(&branches).into_iter().find(|s| s.kind == kind).unwrap();
         assert!((special.value - exact).abs() <= special.uncertainty && special.uncertainty <= 1e-11, "{special:?}");
     }
@@ -737,7 +745,7 @@ fn an_undamped_free_motion_passes_no_torus() {
     let law = json!({ "kind": "rigid", "restitution": 0.8 });
     let branches = follow(&wall(0.0, 50.0, 0.0, &law, 2.5, [-0.19, 0.0]), &[FORCING], [1.6, 3.3], 0);
     assert!(branches.iter().all(|branch| branch.unlocated.is_empty()), "{:?}", branches[0].unlocated);
-    assert!(specials(&branches).iter().all(|special| special.kind != Kind::Torus));
+    assert!(specials(&branches).iter().all(|special| special.kind != SpecialKind::Torus));
 }
 
 /// A special point is found from four ranges, in both directions, within its uncertainty.

@@ -2,8 +2,8 @@
 
 use flank::{
     Simulation, Task,
-    map::{Cell, Impacts, Rule},
-    orbit::{Kind, Section, SectionMap},
+    map::{Cell, CellRule, Impacts},
+    orbit::{MotionKind, Section, SectionMap},
     scene::Scene,
 };
 use serde_json::json;
@@ -35,19 +35,19 @@ fn pair_of(
 }
 
 fn decide(simulation: &Simulation) -> Cell {
-    Rule::default().decide(simulation, simulation.start().unwrap(), Task::default()).unwrap().unwrap()
+    CellRule::default().decide(simulation, simulation.start().unwrap(), Task::default()).unwrap().unwrap()
 }
 
 fn decide_generally(simulation: &Simulation) -> Cell {
     let start = simulation.start().unwrap();
-    Rule::default().decide_generally(simulation, start, Task::default()).unwrap().unwrap()
+    CellRule::default().decide_generally(simulation, start, Task::default()).unwrap().unwrap()
 }
 
 /// Whether the motion is periodic after a transient of 20000 cycles at most.
 fn ends_on_an_orbit(simulation: &Simulation) -> bool {
-    let rule = Rule { transient_cycles: 20_000, ..Rule::default() };
+    let rule = CellRule { transient_cycles: 20_000, ..CellRule::default() };
     let cell = rule.decide(simulation, simulation.start().unwrap(), Task::default()).unwrap().unwrap();
-    cell.motion.kind == Kind::Periodic
+    cell.motion.kind == MotionKind::Periodic
 }
 
 /// Cells by both rules: in a lane, in arrays of two; and by an engine, with matrices.
@@ -80,9 +80,9 @@ fn a_lane_decides_as_an_engine_does() {
                     // Rounding decides on the way of an irregular motion; of its kind both must think the same, unless one cannot tell, or the
                     // irregular motion of one is a transient to the orbit of the other.
                     let both = [lane.motion.kind, engine.motion.kind];
-                    let is_open = both[0] == both[1] || both.contains(&Kind::Undecided);
+                    let is_open = both[0] == both[1] || both.contains(&MotionKind::Undecided);
                     assert!(is_open || ends_on_an_orbit(&pair), "{place}: {both:?}");
-                    chaotic += usize::from(lane.motion.kind == Kind::Chaotic);
+                    chaotic += usize::from(lane.motion.kind == MotionKind::Chaotic);
                     continue;
                 }
                 periodic += 1;
@@ -163,7 +163,7 @@ fn other_trains_are_decided_too() {
     let scene = Scene::from_value(wall, "wall");
     let simulation = Simulation::from_scene(scene.unwrap()).unwrap();
     let cell = decide(&simulation);
-    assert_eq!((cell.motion.kind, cell.motion.period), (Kind::Periodic, Some(1)));
+    assert_eq!((cell.motion.kind, cell.motion.period), (MotionKind::Periodic, Some(1)));
     // One impact a cycle, no damping: the determinant is ε², and the multipliers are complex (0.176 ± 0.780 i).
     let size = libm::exp(cell.exponent.unwrap() * simulation.period().unwrap());
     assert!((size - 0.8).abs() < 1e-9, "{size}");
@@ -209,10 +209,10 @@ fn planets_that_start_alike_end_as_those_that_do_not() {
         let simulation = Simulation::from_scene(scene).unwrap();
         let mut state = simulation.start().unwrap();
         state.x[3] += start;
-        Rule::default().decide(&simulation, state, Task::default()).unwrap().unwrap().motion
+        CellRule::default().decide(&simulation, state, Task::default()).unwrap().unwrap().motion
     };
     let [alike, other] = [stage(0.0), stage(1e-7)];
-    assert_eq!([alike.kind, other.kind], [Kind::Chaotic; 2]);
+    assert_eq!([alike.kind, other.kind], [MotionKind::Chaotic; 2]);
     let [[a, band], [b, other_band]] = [alike.exponent.unwrap(), other.exponent.unwrap()];
     // Three standard errors each.
     assert!((a - b).abs() <= 3.0 * (band + other_band), "{a} ± {band}, {b} ± {other_band}");
@@ -227,7 +227,7 @@ fn a_motion_beside_an_unstable_one_is_not_chaotic() {
     scene["initial"] = json!({ "q": { "u_s": -4e-6 }, "v": { "u_s": -0.02 } });
     let stage = Simulation::from_scene(Scene::from_value(scene, "stage").unwrap()).unwrap();
     let motion = decide(&stage).motion;
-    assert!(matches!(motion.kind, Kind::Transient | Kind::Undecided), "{motion:?}");
+    assert!(matches!(motion.kind, MotionKind::Transient | MotionKind::Undecided), "{motion:?}");
     assert!(motion.reason.is_some());
 }
 
@@ -237,9 +237,9 @@ fn a_motion_beside_an_unstable_one_is_not_chaotic() {
 fn a_torus_without_damping_is_not_chaotic() {
     for error in [0.28769, 0.29525] {
         let pair = pair(0.0, true, 0.1, error, 0.4);
-        let cell = Rule::default().decide(&pair, pair.start_at(&[1.1], &[0.0]).unwrap(), Task::default());
+        let cell = CellRule::default().decide(&pair, pair.start_at(&[1.1], &[0.0]).unwrap(), Task::default());
         let motion = cell.unwrap().unwrap().motion;
-        assert_eq!(motion.kind, Kind::Undecided, "{motion:?}");
+        assert_eq!(motion.kind, MotionKind::Undecided, "{motion:?}");
     }
 }
 
@@ -249,14 +249,14 @@ fn what_rests_in_the_gap_is_periodic() {
     // With damping a start with a velocity comes to rest before a flank; without it one that drifts strikes both.
     for (in_gap, v, rests) in [(true, 0.0, true), (true, 0.02, true), (false, 0.0, true), (false, 0.02, false)] {
         let pair = pair(0.05, in_gap, 0.0, 0.2, 0.6);
-        let rule = Rule::default();
+        let rule = CellRule::default();
         let start = || pair.start_at(&[0.2], &[v]).unwrap();
         let lane = rule.decide(&pair, start(), Task::default()).unwrap().unwrap();
         let engine = rule.decide_generally(&pair, start(), Task::default()).unwrap().unwrap();
         for cell in [lane, engine] {
             let place = format!("{in_gap} {v}: {cell:?}");
             if rests {
-                assert_eq!((cell.motion.kind, cell.motion.period), (Kind::Periodic, Some(1)), "{place}");
+                assert_eq!((cell.motion.kind, cell.motion.period), (MotionKind::Periodic, Some(1)), "{place}");
                 assert_eq!(cell.motion.word.as_deref(), Some(""), "{place}");
                 assert_eq!((cell.exponent, cell.impacts), (Some(0.0), Impacts::None), "{place}");
                 assert_eq!(cell.apart, [1.0], "{place}");
@@ -284,6 +284,6 @@ fn what_rests_before_a_wall_is_periodic() {
         });
         let wall = Simulation::from_scene(Scene::from_value(scene, "wall").unwrap()).unwrap();
         let cell = decide(&wall);
-        assert_eq!(cell.motion.kind == Kind::Periodic, is_periodic, "{cell:?}");
+        assert_eq!(cell.motion.kind == MotionKind::Periodic, is_periodic, "{cell:?}");
     }
 }

@@ -4,7 +4,7 @@ use flank::{
     Task,
     scene::Scene,
     study::{
-        rattle::{Loss, Rattle, Search, load_of},
+        rattle::{Loss, Rattle, RattleSearch, load_of},
         steady::{Rule, steady},
     },
 };
@@ -24,7 +24,7 @@ fn pair(damping_in_gap: bool, frequency: f64) -> Scene {
 
 fn threshold(scene: &Scene, range: [f64; 2], loss: Loss) -> Rattle {
     let (pointer, _) = load_of(scene).unwrap();
-    let search = Search { scene, pointer: &pointer, range, loss, rule: Rule::default() };
+    let search = RattleSearch { scene, pointer: &pointer, range, loss, rule: Rule::default() };
     search.run(Task::default()).unwrap()
 }
 
@@ -79,12 +79,13 @@ fn a_second_motion_above_is_told() {
     let scene = Scene::reference().unwrap();
     let (pointer, load) = load_of(&scene).unwrap();
     let range = [1e-3 * load, 64.0 * load];
-    let search = Search { scene: &scene, pointer: &pointer, range, loss: Loss::Deflection, rule: Rule::default() };
+    let search =
+        RattleSearch { scene: &scene, pointer: &pointer, range, loss: Loss::Deflection, rule: Rule::default() };
     let found = search.run(Task::default()).unwrap();
     assert!(matches!(found, Rattle::Graze { .. }), "{found:?}");
     assert!(search.is_shared(&found, Task::default()).unwrap());
     let pair = pair(true, 0.6);
-    let search = Search { scene: &pair, pointer: "/train/mean_load", range: [5e-4, 4.0], ..search };
+    let search = RattleSearch { scene: &pair, pointer: "/train/mean_load", range: [5e-4, 4.0], ..search };
     let found = search.run(Task::default()).unwrap();
     assert!(!search.is_shared(&found, Task::default()).unwrap());
 }

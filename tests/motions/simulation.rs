@@ -16,8 +16,8 @@ use flank::{
     gear::{Stiffness, contact::Law, contact::Rigid},
     output::OutputError,
     scene::{Duration, Run, Scene},
-    simulation::{Ended, Job, SimulationError},
-    train::{Walled, Walls},
+    simulation::{EndKind, Job, SimulationError},
+    train::{WalledOscillator, Walls},
 };
 
 /// A ball that falls on a floor for `end` seconds.
@@ -32,8 +32,8 @@ fn ball(end: f64) -> String {
 /// The same ball without JSON.
 fn ball_in_rust(end: f64) -> Simulation {
     let law = Law::Rigid(Rigid::constant(0.8));
-    let walled = Walled::new(1.0, Walls::Below { position: 0.0 }, law, Stiffness::Constant(1.0));
-    let spec = Walled { load: -9.81, ..walled }.assemble().unwrap();
+    let walled = WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, law, Stiffness::Constant(1.0));
+    let spec = WalledOscillator { load: -9.81, ..walled }.assemble().unwrap();
     Simulation::from_spec("ball", spec, Run::new(Duration::Until(end))).unwrap().starting_at(vec![1.0], vec![0.0])
 }
 
@@ -57,7 +57,7 @@ impl Observer for Count {
 #[test]
 fn a_run_has_measures_energy_and_events() {
     let run = Simulation::from_json(&ball(5.0)).unwrap().run().unwrap();
-    assert_eq!(run.outcome.kind, Ended::ReachedEnd);
+    assert_eq!(run.outcome.kind, EndKind::ReachedEnd);
     assert_eq!(run.events.len() as u64, run.work.events);
     assert_eq!(run.contacts[0].name, "wall");
     assert!(run.energy.closure() < 1e-12);
@@ -106,12 +106,12 @@ fn an_observer_sees_events_and_may_stop() {
     let simulation = Simulation::from_file(example("W1a-ds")).unwrap();
     let mut all = Count { found: 0, most: usize::MAX };
     let run = simulation.observe(&mut all).run().unwrap();
-    assert_eq!((run.outcome.kind, all.found as u64), (Ended::ReachedEnd, run.work.events));
+    assert_eq!((run.outcome.kind, all.found as u64), (EndKind::ReachedEnd, run.work.events));
     let mut some = Count { found: 0, most: 7 };
     let run = simulation.observe(&mut some).run().unwrap();
-    assert_eq!((run.outcome.kind, run.events.len()), (Ended::Stopped, 7));
+    assert_eq!((run.outcome.kind, run.events.len()), (EndKind::Stopped, 7));
     let run = Job { max_events: 5, ..simulation.job() }.run().unwrap();
-    assert_eq!((run.outcome.kind, run.events.len()), (Ended::EventBudgetSpent, 5));
+    assert_eq!((run.outcome.kind, run.events.len()), (EndKind::EventBudgetSpent, 5));
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn a_task_cancels_and_follows_a_run() {
         seen.lock().unwrap().push(share);
     };
     let run = Job { task: Task::new(&cancelled, &progress), ..simulation.job() }.run().unwrap();
-    assert_eq!(run.outcome.kind, Ended::Interrupted);
+    assert_eq!(run.outcome.kind, EndKind::Interrupted);
     let seen = seen.into_inner().unwrap();
     assert!(seen.is_sorted() && *seen.last().unwrap() < 0.5, "{seen:?}");
 }

@@ -8,7 +8,7 @@ use std::{
 
 use flank::{
     Simulation,
-    analysis::{Contacts, EventLog, EventRow, Kind as Logged},
+    analysis::{Contacts, EventKind as Logged, EventLog, EventRow},
     engine::{Engine, Observer},
     hybrid::Mode,
     integrate::DenseStep,

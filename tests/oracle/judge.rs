@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use flank::{
     analysis::EventRow,
-    scene::{Built, Scene},
+    scene::{BuiltScene, Scene},
     system::bonded_modes,
 };
 use serde_json::Value;
@@ -59,13 +59,13 @@ const TWEAK: f64 = 1e-15;
 /// Errors of inputs and of rounding that a motion may amplify (as the issue allows).
 const INHERITED: f64 = 2e-14;
 
-pub fn start(m: &Model, built: &Built, tweak: Tweak) -> State {
+pub fn start(m: &Model, built: &BuiltScene, tweak: Tweak) -> State {
     let t = |x: &[f64]| x.iter().map(|x| tweak.of(*x)).collect();
     State::start(m, wide(0.0), t(&built.q0), t(&built.v0))
 }
 
 /// The forcing period, or that of the highest natural frequency with all contacts closed.
-fn period(built: &Built, m: &Model) -> f64 {
+fn period(built: &BuiltScene, m: &Model) -> f64 {
     let forced = built.spec.omega.or_else(|| m.omegas.iter().map(|w| near(*w)).reduce(f64::min));
     let natural = || bonded_modes(&built.spec).ok()?.hertz().into_iter().reduce(f64::max).filter(|f| *f > 0.0);
     match forced {
@@ -74,7 +74,7 @@ fn period(built: &Built, m: &Model) -> f64 {
     }
 }
 
-pub fn truth(built: &Built, budget: usize) -> Truth {
+pub fn truth(built: &BuiltScene, budget: usize) -> Truth {
     let m = Model::new(&built.spec, Tweak::NONE);
     let end = wide(built.run.end());
     let period = period(built, &m);
@@ -126,7 +126,7 @@ pub fn truth(built: &Built, budget: usize) -> Truth {
 }
 
 /// The truth of a scene in which nothing happens: no series needs to follow the fast oscillations of a stiff contact.
-fn nothing(built: &Built) -> Truth {
+fn nothing(built: &BuiltScene) -> Truth {
     let (until, period) = (built.run.end(), 1.0);
     let sequence =
         Sequence { events: vec![], tails: vec![], first: vec![], ending: Ending::Reached, until: wide(until) };

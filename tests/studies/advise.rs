@@ -14,7 +14,7 @@ use flank::{
     scene::Scene,
     study::{
         Context,
-        advise::{Advice, Plan, Rung, Verdict},
+        advise::{Advice, AdvisePlan, Rung, Verdict},
         steady::Rule,
     },
 };
@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 
 fn advice(scene: &Scene, rule: Rule) -> Advice {
     let context = Context { rule, task: Task::default() };
-    Plan::new(scene).unwrap().advice(&context, 0.01).unwrap()
+    AdvisePlan::new(scene).unwrap().advice(&context, 0.01).unwrap()
 }
 
 /// Settled as far as doubles go.
@@ -160,7 +160,7 @@ fn translations_are_dropped_before_rotations() {
 #[test]
 fn a_law_that_nothing_presses_on_has_no_tangent() {
     let scene = Scene::reference().unwrap().with("/train/load", json!({ "output_torque_nm": -400 })).unwrap();
-    let plan = Plan::new(&scene).unwrap();
+    let plan = AdvisePlan::new(&scene).unwrap();
     // Not run: the plan says it before.
     let text = format!("{plan:?}");
     assert!(text.contains("linear law") && !text.contains("Linear("), "{text}");
@@ -190,7 +190,7 @@ fn a_freedom_that_nothing_touches_can_be_dropped() {
 #[test]
 fn planets_out_of_phase_are_not_reduced() {
     let scene = Scene::reference().unwrap().with("/train/phases", json!("teeth")).unwrap();
-    let text = format!("{:?}", Plan::new(&scene).unwrap());
+    let text = format!("{:?}", AdvisePlan::new(&scene).unwrap());
     assert!(text.contains("the in-phase reduction needs alike planets") && text.contains("rotations only"), "{text}");
 }
 

@@ -4,7 +4,9 @@ use std::ops::ControlFlow;
 
 use approx::assert_relative_eq;
 use flank::{
-    baseline::{Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch},
+    baseline::{
+        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, SampleObserver,
+    },
     engine::{Engine, Options, State},
     integrate::Taylor,
     scene::Scene,
@@ -40,7 +42,7 @@ impl Case {
         Grid { from: self.state.at, step: self.period / per_cycle as f64, steps: per_cycle * cycles }
     }
 
-    fn fixed(&self, method: Method, ramp: Ramp, grid: &Grid, watch: &mut dyn Watch) -> Counters {
+    fn fixed(&self, method: Method, ramp: Ramp, grid: &Grid, watch: &mut dyn SampleObserver) -> Counters {
         let n = self.structure.freedoms();
         let start = (&self.state.x[..n], &self.state.x[n..2 * n]);
         Penalty::new(&self.structure, ramp).drive(method, grid, start, watch).unwrap()
@@ -65,7 +67,7 @@ impl Case {
 #[derive(Default)]
 struct Last(Vec<f64>);
 
-impl Watch for Last {
+impl SampleObserver for Last {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         self.0 = sample.point.q.iter().chain(&sample.point.v).copied().collect();
         ControlFlow::Continue(())

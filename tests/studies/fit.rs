@@ -61,8 +61,10 @@ fn search(plan: &Plan, count: usize, known: Vec<Trial>) -> (Vec<Trial>, FitResul
 #[test]
 fn hidden_numbers_are_found_and_exclusions_told() {
     let truth = study(&pair(1.3e-6, 2.1e-7), claims(1.0, 1.0));
-    let entry = truth
-        .make(flank::study::Kind::Forces, &flank::study::Context { rule: Default::default(), task: Task::default() });
+    let entry = truth.make(
+        flank::study::FigureKind::Forces,
+        &flank::study::Context { rule: Default::default(), task: Task::default() },
+    );
     let rows = entry.unwrap().comparisons;
     assert_eq!(rows.iter().map(|row| row.fitted).collect::<Vec<_>>(), [true, true, true, true, false]);
     let found: Vec<f64> = rows[..2].iter().map(|row| row.found.split(' ').next().unwrap().parse().unwrap()).collect();

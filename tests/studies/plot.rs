@@ -5,7 +5,7 @@ use crate::figures;
 use std::sync::Arc;
 
 use flank::plot::{
-    Axis, Cell, Figure, Guide, Item, Panel, Print, Raster, Report, SEQUENCE, Section, Series, Style, Table, Theme,
+    Axis, Figure, Guide, Item, Panel, Print, Raster, Report, SEQUENCE, Section, Series, Style, Table, TableCell, Theme,
     Verdict,
 };
 use resvg::{
@@ -295,7 +295,7 @@ fn report(figures: Vec<Figure>) -> Report {
     let table = Table {
         title: "Numbers".into(),
         head: ["quantity", "Flank", "verdict"].map(String::from).to_vec(),
-        rows: vec![vec!["<i>k</i>".into(), "1".into(), Cell::judged("differs", Verdict::Deviates)]],
+        rows: vec![vec!["<i>k</i>".into(), "1".into(), TableCell::judged("differs", Verdict::Deviates)]],
         note: "a & b".into(),
     };
     let items = figures.into_iter().map(Item::Figure).chain([Item::Table(table)]).collect();

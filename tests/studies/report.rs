@@ -11,8 +11,8 @@ use std::{
 
 use flank::{
     Simulation, Task,
-    plot::{Cell, Figure, Item, Panel, Report, Section, Series, Table, Verdict},
-    study::{Context, Kind, page::Contents, plan::Plan, run_page, steady::Rule},
+    plot::{Figure, Item, Panel, Report, Section, Series, Table, TableCell, Verdict},
+    study::{Context, FigureKind, page::Contents, plan::Plan, run_page, steady::Rule},
 };
 use serde_json::Value;
 
@@ -196,7 +196,7 @@ fn report(figures: Vec<Figure>) -> Report {
             "0.254".into(),
             "2 %".into(),
             "figure 7".into(),
-            Cell::judged("agrees", Verdict::Agrees),
+            TableCell::judged("agrees", Verdict::Agrees),
         ]],
         note: String::new(),
     };
@@ -234,7 +234,7 @@ fn a_browser_shows_the_report() {
 fn a_browser_shows_the_study() {
     let context = Context { rule: Rule::default(), task: Task::default() };
     let plan = Plan::reference().unwrap().varied(Some(vec![0.0, 20.0, 40.0]), Some(vec![500.0, 1000.0, 2000.0]));
-    let kinds = Kind::ALL.into_iter().filter(|kind| !kind.is_table());
+    let kinds = FigureKind::ALL.into_iter().filter(|kind| !kind.is_table());
     let entries = kinds.map(|kind| (kind, plan.make(kind, &context).unwrap())).collect();
     let report = Contents { title: "Study".into(), entries, ..Contents::default() }.report(&plan);
     let items = report.sections.iter().flat_map(|section| &section.items);

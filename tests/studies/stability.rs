@@ -9,7 +9,7 @@ use flank::{
     Simulation, Task,
     accuracy::{
         Contender,
-        stability::{Map, Outcome, Plan, Rule},
+        stability::{LongRule, Map, MapPlan, Outcome},
     },
     gear::contact::{Law, Rigid},
     system::Structure,
@@ -21,13 +21,13 @@ fn simulation(json: &str) -> Simulation {
 }
 
 fn made(simulation: &Simulation, methods: &[&str], factors: &[f64], steps: &[u64]) -> Map {
-    let plan = Plan {
+    let plan = MapPlan {
         over: Quantity::Stiffness,
         factors: factors.to_vec(),
         steps: steps.to_vec(),
         methods: methods.iter().map(|word| Contender::parse(word).unwrap()).collect(),
         references: Vec::new(),
-        rule: Rule { cycles: 60, ..Rule::default() },
+        rule: LongRule { cycles: 60, ..LongRule::default() },
     };
     Map::make(simulation, &plan, Task::default()).unwrap().unwrap()
 }
@@ -163,13 +163,13 @@ fn a_factor_without_an_answer_says_why() {
 
 #[test]
 fn an_interrupted_map_is_none() {
-    let plan = Plan {
+    let plan = MapPlan {
         over: Quantity::Stiffness,
         factors: vec![1.0],
         steps: vec![11],
         methods: vec![Contender::parse("rk4").unwrap()],
         references: Vec::new(),
-        rule: Rule::default(),
+        rule: LongRule::default(),
     };
     assert!(Map::make(&pair(), &plan, Task::new(&AtomicBool::new(true), &|_| ())).unwrap().is_none());
 }

@@ -18,7 +18,7 @@ use flank::{
     Task,
     plot::Figure,
     study::{
-        Context, Kind,
+        Context, FigureKind,
         claims::{Comparison, Verdict},
         plan::Plan,
         steady::Rule,
@@ -58,7 +58,7 @@ fn check(figure: &Figure) {
 fn every_figure_of_the_reference_study_is_made() {
     let plan = small();
     // Changes take as long as all the others; they have a test of their own.
-    for kind in Kind::ALL.into_iter().filter(|kind| *kind != Kind::Changes) {
+    for kind in FigureKind::ALL.into_iter().filter(|kind| *kind != FigureKind::Changes) {
         let entry = plan.make(kind, &context()).unwrap_or_else(|error| panic!("{}: {error}", kind.id()));
         if let Some(figure) = &entry.figure {
             assert_eq!(figure.id, kind.id());
@@ -76,7 +76,7 @@ fn every_figure_of_the_reference_study_is_made() {
 /// impact of a cold start is the last one.
 #[test]
 fn independent_values() {
-    let entry = Plan::reference().unwrap().make(Kind::Values, &context()).unwrap();
+    let entry = Plan::reference().unwrap().make(FigureKind::Values, &context()).unwrap();
     let rows = entry.listing.unwrap().rows;
     assert!(rows.len() > 100);
     let history =
@@ -92,7 +92,7 @@ fn independent_values() {
 
 #[test]
 fn published_points_lie_in_the_panel_they_belong_to() {
-    for kind in [Kind::ApartVsLoad, Kind::ApartVsSpeed] {
+    for kind in [FigureKind::ApartVsLoad, FigureKind::ApartVsSpeed] {
         let figure = small().make(kind, &context()).unwrap().figure.unwrap();
         for panel in &figure.panels {
             let published = panel.series.iter().any(|series| series.name == "published");
@@ -103,22 +103,22 @@ fn published_points_lie_in_the_panel_they_belong_to() {
 
 #[test]
 fn verdicts_do_not_flatter() {
-    let rows: Vec<Comparison> = Plan::reference().unwrap().make(Kind::Harmonics, &context()).unwrap().comparisons;
+    let rows: Vec<Comparison> = Plan::reference().unwrap().make(FigureKind::Harmonics, &context()).unwrap().comparisons;
     let verdict = |words: &str| rows.iter().find(|row| row.quantity.contains(words)).unwrap().verdict;
     assert_eq!(verdict("at 1050"), Verdict::Deviates);
     assert_eq!(verdict("bilateral law"), Verdict::Deviates);
     assert_eq!(verdict("1050 to 2000 rev/min: sun"), Verdict::Agrees);
     assert_eq!(verdict("1050 to 2000 rev/min: ring"), Verdict::Partly);
     // What presets were identified from is no test of them.
-    let fitted = |kind: Kind| -> Vec<bool> {
+    let fitted = |kind: FigureKind| -> Vec<bool> {
         let entry = Plan::reference().unwrap().make(kind, &context()).unwrap();
         entry.comparisons.iter().map(|row| row.fitted).collect()
     };
-    assert!(fitted(Kind::Modes).iter().all(|fitted| *fitted));
-    assert_eq!(fitted(Kind::Forces).iter().filter(|fitted| **fitted).count(), 5);
+    assert!(fitted(FigureKind::Modes).iter().all(|fitted| *fitted));
+    assert_eq!(fitted(FigureKind::Forces).iter().filter(|fitted| **fitted).count(), 5);
     // A few points are no curve: nothing is said about them.
-    assert!(small().make(Kind::Harmonics, &context()).unwrap().comparisons.is_empty());
-    assert!(small().make(Kind::ApartVsSpeed, &context()).unwrap().comparisons.is_empty());
+    assert!(small().make(FigureKind::Harmonics, &context()).unwrap().comparisons.is_empty());
+    assert!(small().make(FigureKind::ApartVsSpeed, &context()).unwrap().comparisons.is_empty());
     let source = Plan::reference().unwrap().contradictions().unwrap();
     assert!(source.len() >= 11 && source.iter().all(|row| row.verdict == Verdict::Contradiction));
     // Kinematics: 209.23 Hz at 500 rev/min, 412 Hz at 984.6, and planets that do not fit.
@@ -130,7 +130,7 @@ fn verdicts_do_not_flatter() {
 
 #[test]
 fn identified_numbers_come_out_again() {
-    let entry = Plan::reference().unwrap().make(Kind::Identification, &context()).unwrap();
+    let entry = Plan::reference().unwrap().make(FigureKind::Identification, &context()).unwrap();
     // The source prints none of these numbers: nothing published is compared.
     assert!(entry.comparisons.is_empty());
     let listing = entry.listing.unwrap();
@@ -144,7 +144,7 @@ fn identified_numbers_come_out_again() {
 
 #[test]
 fn kinds_are_those_of_the_classifier() {
-    let entry = Plan::reference().unwrap().make(Kind::Trajectories, &context()).unwrap();
+    let entry = Plan::reference().unwrap().make(FigureKind::Trajectories, &context()).unwrap();
     let row = |words: &str| entry.comparisons.iter().find(|row| row.quantity.contains(words)).unwrap();
     assert!(
         row("100 rev/min").found.starts_with("periodic, period 1") && row("100 rev/min").verdict == Verdict::Agrees

@@ -6,8 +6,8 @@ use approx::assert_relative_eq;
 use flank::{
     Task,
     gear::{BasicRack, Gear, Stiffness},
-    orbit::Kind,
-    scene::{Built, Scene},
+    orbit::MotionKind,
+    scene::{BuiltScene, Scene},
     simulation::Simulation,
     study::steady::{Rule, steady},
     system::{Spec, bonded_modes, equilibrium},
@@ -18,7 +18,7 @@ fn scene(train: &Value, initial: &Value) -> Value {
     json!({ "flank": 1, "train": train, "initial": initial, "run": { "cycles": 40 } })
 }
 
-fn built(train: &Value) -> Built {
+fn built(train: &Value) -> BuiltScene {
     Scene::from_json(&scene(train, &json!("static")).to_string(), "test").unwrap().build().unwrap()
 }
 
@@ -407,7 +407,7 @@ fn a_long_common_cycle_is_a_torus() {
     let scene = Scene::from_json(&scene.to_string(), "box").unwrap();
     let rule = Rule { irregular_cycles: 10, ..Rule::default() };
     let found = steady(scene, None, &rule, Task::default()).unwrap();
-    assert_eq!((found.motion.kind, found.motion.period, found.measured_cycles), (Kind::QuasiPeriodic, None, 10));
+    assert_eq!((found.motion.kind, found.motion.period, found.measured_cycles), (MotionKind::QuasiPeriodic, None, 10));
     assert!(found.motion.reason.unwrap().contains("15606 cycles"));
     // The slowest decay is that of the speed, by the viscous drag of the lay shaft over all inertias: c/ΣI i².
     let [exponent, band] = found.motion.exponent.unwrap();

@@ -7,7 +7,7 @@ use flank::gear::contact::{Law, Rigid};
 use flank::gear::{Harmonic, MeshStiffness, Stiffness};
 use flank::system::{Flanks, Spec};
 use flank::system::{bonded_modes, equilibrium};
-use flank::train::{Body, GearPair, KahramanSingh, Mesh, Support, TrainError, Walled, Walls, frame};
+use flank::train::{Body, GearPair, KahramanSingh, Mesh, Support, TrainError, WalledOscillator, Walls, frame};
 
 #[test]
 fn kahraman_singh() {
@@ -67,7 +67,10 @@ fn walls() {
         c.direction[0] * x - e - c.half_backlash
     };
     let motion = vec![Harmonic { omega: 2.0, amplitude: 0.3, phase: 0.1 }];
-    let build = |walls| Walled { motion: motion.clone(), ..Walled::new(1.0, walls, law, Stiffness::Constant(0.0)) };
+    let build = |walls| WalledOscillator {
+        motion: motion.clone(),
+        ..WalledOscillator::new(1.0, walls, law, Stiffness::Constant(0.0))
+    };
     let w = 0.3 * (2.0f64 * 0.7 + 0.1).cos();
     let above = build(Walls::Above { position: 0.5 }).assemble().unwrap();
     let below = build(Walls::Below { position: 0.5 }).assemble().unwrap();

@@ -13,7 +13,7 @@ use flank::{
         Stiffness,
         contact::{Law, Linear, Release},
     },
-    scene::{Built, Duration, Scene},
+    scene::{BuiltScene, Duration, Scene},
     train::Freedoms,
 };
 use serde_json::{Value, json};
@@ -38,21 +38,21 @@ fn every_example_builds_and_resolves_to_itself() {
     }
 }
 
-fn example(name: &str) -> Built {
+fn example(name: &str) -> BuiltScene {
     let file = format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR"));
     Scene::from_file(file).and_then(|scene| scene.build()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn build(scene: Value) -> Built {
+fn build(scene: Value) -> BuiltScene {
     Scene::from_value(scene, "test").and_then(|scene| scene.build()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn of_train(train: Value) -> Built {
+fn of_train(train: Value) -> BuiltScene {
     build(json!({ "flank": 1, "train": train, "run": { "t_end_s": 1 } }))
 }
 
 /// One free mass with one contact.
-fn contact(contact: Value) -> Built {
+fn contact(contact: Value) -> BuiltScene {
     of_train(json!({ "kind": "matrices", "mass_kg": [1], "contacts": [contact] }))
 }
 

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
 use super::{
-    measure::{Estimate, Mesh, Motion, Work},
+    measure::{CycleWork, Estimate, Mesh, Motion},
     model::{FREEDOMS, Model, Step},
     participation::{groups, modes, motion_shares},
     simplify,
@@ -150,7 +150,7 @@ fn freedoms_are_grouped_by_name() {
 fn scatter_is_taken_into_account() {
     let motion = |apart: [f64; 2], period: Option<u64>| Motion {
         freedoms: 1,
-        settled: crate::orbit::Motion { period, ..crate::orbit::Motion::of(&crate::orbit::Approached::default()) },
+        settled: crate::orbit::Motion { period, ..crate::orbit::Motion::of(&crate::orbit::ApproachEnd::default()) },
         followed: true,
         cycles: 1,
         meshes: vec![Mesh {
@@ -161,7 +161,7 @@ fn scatter_is_taken_into_account() {
             peak: None,
             mean_force: Estimate::default(),
         }],
-        work: Work::default(),
+        work: CycleWork::default(),
         end: Seed::default(),
     };
     let verdict = |a: &Motion, b: &Motion| judge(a, b, &changes(a, b), 0.01);

@@ -18,7 +18,7 @@ fn even_points_give_the_harmonics_of_a_smooth_curve() {
     for first in [0.0, 0.01] {
         for n in [8, 9, 64] {
             let series =
-                sampled((0..n).map(|i| first + f64::from(i) / f64::from(n)).collect()).series(None, Through::Spline);
+                sampled((0..n).map(|i| first + f64::from(i) / f64::from(n)).collect()).series(None, CurveShape::Spline);
             assert_relative_eq!(series.mean, 2.0, max_relative = 1e-14);
             let [one, three] = series.harmonics[..] else { panic!("{series:?}") };
             assert_eq!((one.order, three.order), (1.0, 3.0));
@@ -32,7 +32,7 @@ fn even_points_give_the_harmonics_of_a_smooth_curve() {
 }
 
 /// The largest error of the two harmonics from `n` uneven points.
-fn error(n: u32, through: Through) -> f64 {
+fn error(n: u32, through: CurveShape) -> f64 {
     let place = |i: u32| {
         let x = f64::from(i) / f64::from(n);
         x + 0.3 / TAU * libm::sin(TAU * x)
@@ -48,13 +48,13 @@ fn error(n: u32, through: Through) -> f64 {
 
 #[test]
 fn uneven_points_converge_with_the_order_of_what_is_drawn_through_them() {
-    for (through, order) in [(Through::Lines, 2.0), (Through::Spline, 4.0)] {
+    for (through, order) in [(CurveShape::Lines, 2.0), (CurveShape::Spline, 4.0)] {
         let seen = libm::log2(error(64, through) / error(128, through));
         assert!((seen - order).abs() < 0.3, "{through:?}: {seen}");
     }
     // Two and three points have splines too.
     for places in [vec![0.0, 0.4], vec![0.1, 0.2, 0.9]] {
-        assert!(sampled(places).series(None, Through::Spline).mean.is_finite());
+        assert!(sampled(places).series(None, CurveShape::Spline).mean.is_finite());
     }
 }
 

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::{
     frame::Frame,
-    legend::{Look, entries},
+    legend::{Symbol, entries},
     scale::{Scale, axis_label},
     words::{Ink, side_by_side},
 };
@@ -84,8 +84,8 @@ fn a_name_has_one_entry_with_all_its_looks() {
     let panels = [first, second];
     let found = entries(&panels);
     assert_eq!(found.iter().map(|entry| entry.name).collect::<Vec<_>>(), ["a", "b", "a"]);
-    assert!(found[0].looks == [Look::Series(Style::Line, 0), Look::Series(Style::Line, 1)]);
-    assert!(found[2].looks == [Look::Band(3)]);
+    assert!(found[0].looks == [Symbol::Series(Style::Line, 0), Symbol::Series(Style::Line, 1)]);
+    assert!(found[2].looks == [Symbol::Band(3)]);
 }
 
 #[test]

@@ -8,12 +8,12 @@
 use serde_json::{Value, json};
 
 use super::{
-    Context, Kind,
+    Context, FigureKind,
     changes::Changes,
     figures::{self, along},
     plan::Plan,
     steady::Rule,
-    threshold::{By, Search, Threshold, locate},
+    threshold::{LossCriterion, Threshold, ThresholdSearch, locate},
 };
 use crate::task::Task;
 
@@ -36,19 +36,19 @@ fn number(value: &Value) -> f64 {
 fn the_threshold_is_located_in_the_load() {
     let plan = Plan::reference().unwrap();
     let light = plan.scene("light").unwrap();
-    let search = Search { range: [0.0, 40.0], scan: 9, resolution: 0.01 };
-    let found = locate(&context(), light, LOAD, ("ring", By::Deflection), &search).unwrap();
+    let search = ThresholdSearch { range: [0.0, 40.0], scan: 9, resolution: 0.01 };
+    let found = locate(&context(), light, LOAD, ("ring", LossCriterion::Deflection), &search).unwrap();
     let Threshold::Located { below, above, clearance_below, clearance_above } = found else { panic!("{found:?}") };
     // Separations vanish between 20.5 and 20.8 N m, whichever way the search goes.
     assert!(20.5 <= below && above <= 20.8 && above - below <= 0.01, "{found:?}");
     // They do not shrink to nothing: the motion that separates ends.
     assert!(clearance_below < -1e-7 && clearance_above >= 0.0, "{found:?}");
     // Nothing to locate where everything separates, or nothing does.
-    let at = |by, range| locate(&context(), light, LOAD, ("ring", by), &Search { range, ..search });
-    assert_eq!(at(By::Deflection, [0.0, 10.0]).unwrap(), Threshold::Beyond { value: 10.0 });
-    assert_eq!(at(By::Deflection, [30.0, 40.0]).unwrap(), Threshold::None);
+    let at = |by, range| locate(&context(), light, LOAD, ("ring", by), &ThresholdSearch { range, ..search });
+    assert_eq!(at(LossCriterion::Deflection, [0.0, 10.0]).unwrap(), Threshold::Beyond { value: 10.0 });
+    assert_eq!(at(LossCriterion::Deflection, [30.0, 40.0]).unwrap(), Threshold::None);
     // At 22 N m the meshes stay at their flanks, and carry no force for a ninth of a period.
-    let by_force = at(By::Force, [0.0, 40.0]).unwrap();
+    let by_force = at(LossCriterion::Force, [0.0, 40.0]).unwrap();
     let Threshold::Located { below, clearance_below, .. } = by_force else { panic!("{by_force:?}") };
     assert!((23.0..25.0).contains(&below) && clearance_below >= 0.0, "{by_force:?}");
 }
@@ -183,10 +183,10 @@ fn changes_do_what_they_did_in_the_prototype() {
         ("sun shaft damping x 0.75", 0.350, 0.242, 113.0),
         ("sun shaft damping x 1.25", 0.349, 0.264, 127.0),
     ];
-    let all: Changes = plan.plot(Kind::Changes).unwrap().table().unwrap();
+    let all: Changes = plan.plot(FigureKind::Changes).unwrap().table().unwrap();
     assert_eq!(all.changes.len(), table.len() + 2);
     // Two loads, no bisection: thresholds are not asked for.
-    let search = Search { range: [0.0, 60.0], scan: 2, resolution: 60.0 };
+    let search = ThresholdSearch { range: [0.0, 60.0], scan: 2, resolution: 60.0 };
     let light = plan.scene("light").unwrap();
     let varied = [plan.load(light).unwrap(), plan.speed(light).unwrap()];
     let found = all.effects(&context(), light, (&varied, &[50.0, 500.0, 2000.0]), &search).unwrap();

@@ -1,4 +1,4 @@
-use super::{Map, Outcome, Row};
+use super::{FactorRow, Map, Outcome};
 use crate::plot::{Axis, Figure, Guide, Panel, Series, Style, Tile};
 
 /// Legend of the limit, and of the engine's own row.
@@ -88,7 +88,7 @@ fn panel(map: &Map, method: usize) -> Panel {
         let rows = map.rows.iter().filter(|row| (row.own_outcome() == Outcome::Right) == right);
         rows.filter_map(|row| row.own.as_ref().map(|own| (own.steps_per_cycle, row.factor))).unzip()
     };
-    let limit = |row: &Row| row.limit_steps_per_cycle.get(method).copied().flatten().map(|n| (n, row.factor));
+    let limit = |row: &FactorRow| row.limit_steps_per_cycle.get(method).copied().flatten().map(|n| (n, row.factor));
     let (x, y): (Vec<f64>, Vec<f64>) = map.rows.iter().filter_map(limit).unzip();
     let mut series = vec![Series::line(LIMIT, INK, x, y).styled(Style::Dashed)];
     for (name, right, style) in [(OWN, true, Style::Points), (OWN_WRONG, false, Style::Marks)] {

@@ -7,12 +7,12 @@ use serde::Serialize;
 use super::{Cell, Outcome};
 use crate::{
     accuracy::{
-        AccuracyError, Contender, Kind, Problem, Truth,
+        AccuracyError, Contender, Problem, SolverKind, Truth,
         problem::{Passages, time_apart},
         score::pairs,
     },
     analysis::Sections,
-    baseline::{Crossing, Crossings, Grid, Penalty, Ramp, Sample, Watch},
+    baseline::{Crossing, Crossings, Grid, Penalty, Ramp, Sample, SampleObserver},
     task::Task,
 };
 
@@ -29,7 +29,7 @@ use crate::{
 ///   taken from the scatter of ten parts of either, where that is more (five, for a map asks a thousand such questions). A
 ///   motion that never returns has no orbit to compare.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Rule {
+pub struct LongRule {
     /// Cycles in which the sequence of events is compared, at most; fewer where the motion amplifies errors.
     pub window: u64,
     /// Growth of errors in the window, at most: see [`Window`](crate::accuracy::Window).
@@ -44,7 +44,7 @@ pub struct Rule {
     pub statistics: f64,
 }
 
-impl Default for Rule {
+impl Default for LongRule {
     fn default() -> Self {
         Self { window: 20, growth: 1e3, cycles: 100, settled: 1e-4, apart: 0.05, statistics: 0.1 }
     }
@@ -61,7 +61,7 @@ const MADE: f64 = 1.05;
 
 /// The engine's motion in the long run.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Own {
+pub struct EngineMotion {
     /// Period, cycles; none if no orbit was reached.
     pub period: Option<u32>,
     /// Cycles run.
@@ -80,7 +80,7 @@ pub struct Own {
 }
 
 /// `period 2` or `not settled`.
-impl std::fmt::Display for Own {
+impl std::fmt::Display for EngineMotion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.period {
             Some(period) => write!(f, "period {period}"),
@@ -90,35 +90,35 @@ impl std::fmt::Display for Own {
 }
 
 /// Sections of a motion, and its period once it has settled.
-struct Section {
+struct MotionSections {
     sections: Sections,
     period: Option<u32>,
 }
 
-impl Section {
+impl MotionSections {
     fn new(problem: &Problem<'_>) -> Self {
         let sections = Sections::new(problem.structure().freedoms(), TAU / problem.period, LONGEST as u32);
         Self { sections, period: None }
     }
 
-    fn take(&mut self, x: &[f64], rule: &Rule) {
+    fn take(&mut self, x: &[f64], rule: &LongRule) {
         let found = self.sections.take(x, rule.settled);
         self.period = self.period.or(found.map(|(period, _)| period));
     }
 }
 
-impl Own {
+impl EngineMotion {
     /// Runs the engine on `problem` over the cycles of the rule, or until the motion has settled. `None` once cancelled.
     pub(super) fn find(
         problem: &Problem<'_>,
         truth: &Truth,
-        rule: &Rule,
+        rule: &LongRule,
         task: Task<'_>,
     ) -> Result<Option<Self>, AccuracyError> {
         let n = problem.structure().freedoms();
         let model = Penalty::new(problem.structure(), Ramp::Sharp);
         let mut passages = Passages::new(problem);
-        let mut section = Section::new(problem);
+        let mut section = MotionSections::new(problem);
         let mut engine = problem.engine(problem.start.clone(), None)?;
         let mut own = Self::default();
         for k in 0..=rule.cycles {
@@ -153,10 +153,10 @@ impl Own {
         (problem, truth): (&Problem<'_>, &Truth),
         contender: &Contender,
         per_cycle: u64,
-        rule: &Rule,
+        rule: &LongRule,
         task: Task<'_>,
     ) -> Option<Cell> {
-        let Kind::Fixed(method) = contender.kind else { panic!("{} has no fixed step", contender.name) };
+        let SolverKind::Fixed(method) = contender.kind else { panic!("{} has no fixed step", contender.name) };
         let model = Penalty::new(problem.structure(), contender.ramp);
         let grid = Grid {
             from: problem.start.at,
@@ -169,7 +169,7 @@ impl Own {
             per_cycle,
             bounds: self.sizes.map(|size| Outcome::BLOWN * size),
             window: truth.window.cycles,
-            section: Section::new(problem),
+            section: MotionSections::new(problem),
             energy: Vec::new(),
             blown: false,
             task,
@@ -220,7 +220,7 @@ impl Own {
     }
 
     /// Returns the distance of the sections of another motion from the orbit of this one, if it has one.
-    fn distance(&self, other: &Section) -> Option<f64> {
+    fn distance(&self, other: &MotionSections) -> Option<f64> {
         let own = self.sections.as_ref()?;
         let orbit: Vec<&[f64]> = own.last(self.period? as usize).collect();
         let theirs: Vec<&[f64]> = other.sections.last(other.period.map_or(LONGEST, |p| p as usize)).collect();
@@ -232,7 +232,7 @@ impl Own {
     }
 
     /// Returns whether the statistics of another irregular motion agree with those of this one.
-    fn agrees(&self, other: &[[f64; PARTS as usize]], rule: &Rule) -> bool {
+    fn agrees(&self, other: &[[f64; PARTS as usize]], rule: &LongRule) -> bool {
         let mean = |parts: &[f64; PARTS as usize]| parts.iter().sum::<f64>() / PARTS as f64;
         // Squared error of the mean of the parts.
         let error = |parts: &[f64; PARTS as usize]| {
@@ -265,17 +265,17 @@ fn parts(model: &Penalty, found: &[Crossing], closed: &[bool], period: f64, cycl
 /// Observer of a fixed-step run: records its sections, and stops a motion that leaves the bounds.
 struct Watcher<'a> {
     model: &'a Penalty,
-    rule: &'a Rule,
+    rule: &'a LongRule,
     per_cycle: u64,
     bounds: [f64; 2],
     window: u64,
-    section: Section,
+    section: MotionSections,
     energy: Vec<f64>,
     blown: bool,
     task: Task<'a>,
 }
 
-impl Watch for Watcher<'_> {
+impl SampleObserver for Watcher<'_> {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         let point = sample.point;
         let beyond = |x: &[f64], bound: f64| x.iter().any(|x| x.abs() > bound);

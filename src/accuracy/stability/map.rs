@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Own, Rule};
+use super::{EngineMotion, LongRule};
 use crate::{
     accuracy::{AccuracyError, Contender, Problem, Truth, Window},
     gear::{Stiffness, contact::Law},
@@ -13,7 +13,7 @@ use crate::{
 
 /// Input of a map: quantity, factors, steps, methods and rule.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct MapPlan {
     /// Quantity that is multiplied by the factors.
     pub over: Quantity,
     /// Factors, rising, > 0.
@@ -25,7 +25,7 @@ pub struct Plan {
     /// Steps in common use, with their names; run where the factor is 1.
     pub references: Vec<Reference>,
     /// Rule by which motions are compared.
-    pub rule: Rule,
+    pub rule: LongRule,
 }
 
 /// A step in common use.
@@ -116,7 +116,7 @@ pub struct Cell {
 
 /// All runs with one factor.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Row {
+pub struct FactorRow {
     /// The factor.
     pub factor: f64,
     /// Error for which the row has no cells, in words, if any.
@@ -128,7 +128,7 @@ pub struct Row {
     /// Error of the event times of the reference, periods.
     pub truth_error: f64,
     /// The engine's motion in the long run.
-    pub own: Option<Own>,
+    pub own: Option<EngineMotion>,
     /// Highest natural frequency ω of the train with every contact closed at its largest stiffness, rad/s; of a power law
     /// that under the largest force in the window.
     pub omega_max: Option<f64>,
@@ -140,7 +140,7 @@ pub struct Row {
     pub references: Vec<Vec<Cell>>,
 }
 
-impl Row {
+impl FactorRow {
     /// Returns the outcome of the engine's run against the same run, cut into other steps.
     #[must_use]
     pub fn own_outcome(&self) -> Outcome {
@@ -165,9 +165,9 @@ pub struct Map {
     /// Steps in common use.
     pub references: Vec<Reference>,
     /// Rule by which motions were compared.
-    pub rule: Rule,
+    pub rule: LongRule,
     /// Rows, one for each factor.
-    pub rows: Vec<Row>,
+    pub rows: Vec<FactorRow>,
 }
 
 impl Map {
@@ -191,16 +191,18 @@ impl Map {
     ///
     /// # Panics
     /// If a contender has no fixed step.
-    pub fn make(simulation: &Simulation, plan: &Plan, task: Task<'_>) -> Result<Option<Self>, SimulationError> {
+    pub fn make(simulation: &Simulation, plan: &MapPlan, task: Task<'_>) -> Result<Option<Self>, SimulationError> {
         let period_s = Self::cycle_length(simulation)?;
         let row = |factor: &f64| {
-            let mut row = Row { factor: *factor, ..Row::default() };
+            let mut row = FactorRow { factor: *factor, ..FactorRow::default() };
             match fill(&mut row, simulation, period_s, plan, task) {
                 Ok(complete) => complete.then_some(row),
-                Err(error) => Some(Row { factor: *factor, error: Some(error.to_string()), ..Row::default() }),
+                Err(error) => {
+                    Some(FactorRow { factor: *factor, error: Some(error.to_string()), ..FactorRow::default() })
+                }
             }
         };
-        let rows: Option<Vec<Row>> = plan.factors.par_iter().map(row).collect();
+        let rows: Option<Vec<FactorRow>> = plan.factors.par_iter().map(row).collect();
         Ok(rows.map(|rows| Self {
             over: plan.over,
             methods: plan.methods.iter().map(|method| method.name.clone()).collect(),
@@ -216,7 +218,7 @@ impl Map {
     /// Returns the fewest steps per cycle on the map from which on the outcomes of `method` all satisfy `holds`; none if that of the
     /// most steps does not.
     #[must_use]
-    pub fn fewest(&self, method: usize, row: &Row, holds: impl Fn(Outcome) -> bool) -> Option<u64> {
+    pub fn fewest(&self, method: usize, row: &FactorRow, holds: impl Fn(Outcome) -> bool) -> Option<u64> {
         let cells = row.cells.get(method)?;
         cells.iter().rev().take_while(|cell| holds(cell.outcome)).last().map(|cell| cell.steps_per_cycle)
     }
@@ -224,10 +226,10 @@ impl Map {
 
 /// Fills a row; false once cancelled.
 fn fill(
-    row: &mut Row,
+    row: &mut FactorRow,
     simulation: &Simulation,
     period: f64,
-    plan: &Plan,
+    plan: &MapPlan,
     task: Task<'_>,
 ) -> Result<bool, AccuracyError> {
     let rule = &plan.rule;
@@ -240,7 +242,7 @@ fn fill(
     changed.structure = Structure::new(spec)?;
     let problem = Problem::new(&changed, Some(rule.window.min(rule.cycles)))?;
     let truth = Truth::quick(&problem, rule.growth)?;
-    let Some(own) = Own::find(&problem, &truth, rule, task)? else { return Ok(false) };
+    let Some(own) = EngineMotion::find(&problem, &truth, rule, task)? else { return Ok(false) };
     row.window = Some(truth.window);
     row.events = truth.passages.len();
     row.truth_error = truth.error;

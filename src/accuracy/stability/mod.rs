@@ -9,6 +9,6 @@ mod long;
 mod map;
 mod page;
 
-pub use long::{Own, Rule};
+pub use long::{EngineMotion, LongRule};
 pub(super) use map::highest_frequency;
-pub use map::{Cell, Map, Outcome, Plan, Reference, Row};
+pub use map::{Cell, FactorRow, Map, MapPlan, Outcome, Reference};

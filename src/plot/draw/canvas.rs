@@ -20,7 +20,7 @@ pub(super) fn sound<T>(drawn: Result<T, DrawingAreaErrorKind<std::io::Error>>) -
 }
 
 /// A point, px from the upper left corner.
-pub(super) type Point = [f64; 2];
+pub(super) type Pixel = [f64; 2];
 
 /// Drawing units per pixel: plotters counts in whole units, and ten of them make curves smooth.
 pub(super) const UNIT: f64 = 10.0;
@@ -41,7 +41,7 @@ pub(super) enum Anchor {
 
 impl Anchor {
     /// Returns left, top, right and bottom of a line of text at a point, `along` px long and `across` px to either side.
-    pub fn room(self, [x, y]: Point, along: f64, across: f64) -> [f64; 4] {
+    pub fn room(self, [x, y]: Pixel, along: f64, across: f64) -> [f64; 4] {
         match self {
             Self::Left => [x, y - across, x + along, y + across],
             Self::Middle => [x - along / 2.0, y - across, x + along / 2.0, y + across],
@@ -88,7 +88,7 @@ pub(super) struct Canvas<'a> {
 }
 
 impl Canvas<'_> {
-    pub fn line(&self, points: &[Point], pen: Pen) {
+    pub fn line(&self, points: &[Pixel], pen: Pen) {
         let mut path: Vec<(i32, i32)> = points.iter().map(|[x, y]| (units(*x), units(*y))).collect();
         path.dedup();
         if path.len() < 2 {
@@ -101,18 +101,18 @@ impl Canvas<'_> {
     }
 
     /// Draws a disc, or a ring if it is `open`.
-    pub fn dot(&self, [x, y]: Point, radius: f64, colour: Rgb, open: bool) {
+    pub fn dot(&self, [x, y]: Pixel, radius: f64, colour: Rgb, open: bool) {
         let style = if open { rgb(colour).stroke_width(units(1.4) as u32) } else { rgb(colour).filled() };
         sound(self.area.draw(&Circle::new((units(x), units(y)), units(radius), style)));
     }
 
-    pub fn rectangle(&self, [x0, y0]: Point, [x1, y1]: Point, colour: Rgb, opacity: f64) {
+    pub fn rectangle(&self, [x0, y0]: Pixel, [x1, y1]: Pixel, colour: Rgb, opacity: f64) {
         let corners = [(units(x0), units(y0)), (units(x1), units(y1))];
         sound(self.area.draw(&Rectangle::new(corners, rgb(colour).mix(opacity).filled())));
     }
 
     /// Draws a line of text; the point is at half its height.
-    pub fn text(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb, bold: bool) {
+    pub fn text(&self, words: &str, at: Pixel, anchor: Anchor, size: f64, colour: Rgb, bold: bool) {
         let words = text::clean(words);
         if words.trim().is_empty() {
             return;
@@ -130,7 +130,7 @@ impl Canvas<'_> {
     }
 
     /// Draws a line of text on a patch of paper, which keeps it legible on top of curves.
-    pub fn patched(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb) {
+    pub fn patched(&self, words: &str, at: Pixel, anchor: Anchor, size: f64, colour: Rgb) {
         if words.is_empty() {
             return;
         }

@@ -1,6 +1,6 @@
 //! Rectangle in which curves are drawn.
 
-use super::canvas::Point;
+use super::canvas::Pixel;
 
 /// Edges of the rectangle, px.
 #[derive(Clone, Copy, Debug)]
@@ -13,13 +13,13 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    pub fn holds(&self, [x, y]: Point) -> bool {
+    pub fn holds(&self, [x, y]: Pixel) -> bool {
         // A tenth of a pixel for rounding.
         (self.x0 - 0.1..=self.x1 + 0.1).contains(&x) && (self.y0 - 0.1..=self.y1 + 0.1).contains(&y)
     }
 
     /// Returns the part of a segment inside (Liang and Barsky, 1984).
-    pub fn clip(&self, [ax, ay]: Point, [bx, by]: Point) -> Option<[Point; 2]> {
+    pub fn clip(&self, [ax, ay]: Pixel, [bx, by]: Pixel) -> Option<[Pixel; 2]> {
         let (dx, dy) = (bx - ax, by - ay);
         let (mut from, mut to) = (0.0f64, 1.0f64);
         for (slope, room) in [(-dx, ax - self.x0), (dx, self.x1 - ax), (-dy, ay - self.y0), (dy, self.y1 - ay)] {
@@ -35,8 +35,8 @@ impl Frame {
     }
 
     /// Returns the pieces of a polyline inside.
-    pub fn clipped(&self, line: &[Point]) -> Vec<Vec<Point>> {
-        let mut pieces: Vec<Vec<Point>> = Vec::new();
+    pub fn clipped(&self, line: &[Pixel]) -> Vec<Vec<Pixel>> {
+        let mut pieces: Vec<Vec<Pixel>> = Vec::new();
         for ends in line.windows(2) {
             let Some([a, b]) = self.clip(ends[0], ends[1]) else { continue };
             match pieces.last_mut() {

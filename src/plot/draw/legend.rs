@@ -3,14 +3,14 @@
 use crate::plot::{Panel, Style, Tile};
 
 use super::{
-    canvas::{Anchor, Canvas, Pen, Point},
+    canvas::{Anchor, Canvas, Pen, Pixel},
     palette::Rgb,
     text,
 };
 
 /// Style of a name, with the index of its colour.
 #[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Look {
+pub(crate) enum Symbol {
     Series(Style, usize),
     Band(usize),
     Tile(usize),
@@ -20,7 +20,7 @@ pub(crate) enum Look {
 #[derive(Clone)]
 pub(crate) struct Entry<'a> {
     pub name: &'a str,
-    pub looks: Vec<Look>,
+    pub looks: Vec<Symbol>,
 }
 
 /// Width of a sample, of the gap after it, and of the gap between entries, px.
@@ -30,7 +30,7 @@ const SPACE: f64 = 30.0;
 
 impl Entry<'_> {
     /// Returns whether it has the same kind of style as `look`.
-    fn is_like(&self, look: &Look) -> bool {
+    fn is_like(&self, look: &Symbol) -> bool {
         std::mem::discriminant(&self.looks[0]) == std::mem::discriminant(look)
     }
 
@@ -43,11 +43,12 @@ impl Entry<'_> {
 /// colours.
 pub(crate) fn entries(panels: &[Panel]) -> Vec<Entry<'_>> {
     let series = panels.iter().flat_map(|panel| &panel.series);
-    let series = series.map(|series| (series.name.as_str(), Look::Series(series.style, series.colour)));
-    let bands = panels.iter().flat_map(|panel| &panel.bands).map(|band| (band.name.as_str(), Look::Band(band.colour)));
+    let series = series.map(|series| (series.name.as_str(), Symbol::Series(series.style, series.colour)));
+    let bands =
+        panels.iter().flat_map(|panel| &panel.bands).map(|band| (band.name.as_str(), Symbol::Band(band.colour)));
     let mut tiles: Vec<&Tile> = panels.iter().flat_map(|panel| &panel.tiles).collect();
     tiles.sort_by_key(|tile| tile.colour);
-    let tiles = tiles.into_iter().map(|tile| (tile.name.as_str(), Look::Tile(tile.colour)));
+    let tiles = tiles.into_iter().map(|tile| (tile.name.as_str(), Symbol::Tile(tile.colour)));
     let mut found: Vec<Entry<'_>> = Vec::new();
     for (name, look) in series.chain(bands).chain(tiles).filter(|(name, _)| !name.is_empty()) {
         match found.iter_mut().find(|entry| entry.name == name && entry.is_like(&look)) {
@@ -76,7 +77,7 @@ pub(super) fn rows(panels: &[Panel], size: f64, room: f64) -> Vec<Vec<Entry<'_>>
 }
 
 /// Draws a row; `at` is its left end at half height.
-pub(super) fn draw(canvas: &Canvas<'_>, row: &[Entry<'_>], at: Point, size: f64) {
+pub(super) fn draw(canvas: &Canvas<'_>, row: &[Entry<'_>], at: Pixel, size: f64) {
     let [mut x, y] = at;
     for entry in row {
         for look in &entry.looks {
@@ -88,13 +89,13 @@ pub(super) fn draw(canvas: &Canvas<'_>, row: &[Entry<'_>], at: Point, size: f64)
     }
 }
 
-fn sample(canvas: &Canvas<'_>, look: Look, [x, y]: Point) {
+fn sample(canvas: &Canvas<'_>, look: Symbol, [x, y]: Pixel) {
     let colours = canvas.colours;
     let filled = |colour, opacity| canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], colour, opacity);
     let (style, colour) = match look {
-        Look::Band(number) => return filled(colours.band(number), 1.6 * colours.band_opacity),
-        Look::Tile(number) => return filled(colours.tile(number), colours.tile_opacity),
-        Look::Series(style, number) => (style, colours.series(number)),
+        Symbol::Band(number) => return filled(colours.band(number), 1.6 * colours.band_opacity),
+        Symbol::Tile(number) => return filled(colours.tile(number), colours.tile_opacity),
+        Symbol::Series(style, number) => (style, colours.series(number)),
     };
     if let Some(pen) = pen(style, colour) {
         canvas.line(&[[x, y], [x + SAMPLE, y]], pen);

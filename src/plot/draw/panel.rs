@@ -9,7 +9,7 @@ use resvg::tiny_skia::{ColorU8, Pixmap};
 use crate::plot::{Guide, Panel, Raster, Series, Style};
 
 use super::{
-    canvas::{Anchor, Canvas, Pen, Point, UNIT, font, rgb, sound, units},
+    canvas::{Anchor, Canvas, Pen, Pixel, UNIT, font, rgb, sound, units},
     frame::Frame,
     legend,
     palette::{Rgb, hex},
@@ -56,7 +56,7 @@ fn class_rows(raster: &Raster, room: f64) -> Vec<Vec<(String, Rgb)>> {
 /// Panel with its scales and its place.
 pub(super) struct Sheet<'a> {
     pub(super) panel: &'a Panel,
-    corner: Point,
+    corner: Pixel,
     cell: [f64; 2],
     heading: Vec<String>,
     /// Legend of a raster: rows of classes.
@@ -87,7 +87,7 @@ pub(crate) fn scales(panel: &Panel) -> [Scale; 2] {
 
 impl<'a> Sheet<'a> {
     /// Returns a panel in a cell; its frame starts `left` and `top` px from the edges, or farther if its words need it.
-    pub fn new(panel: &'a Panel, corner: Point, cell: [f64; 2], [left, top]: [f64; 2]) -> Self {
+    pub fn new(panel: &'a Panel, corner: Pixel, cell: [f64; 2], [left, top]: [f64; 2]) -> Self {
         let [mut x, mut y] = scales(panel);
         let heading = text::wrapped(&text::clean(&panel.title), LABEL, true, cell[0] - LEFT - 2.0 * RIGHT);
         let names = if panel.names_above { NAMES } else { 0.0 };
@@ -124,13 +124,13 @@ impl<'a> Sheet<'a> {
     }
 
     /// Returns the place of a point on the sheet.
-    fn at(&self, x: f64, y: f64) -> Point {
+    fn at(&self, x: f64, y: f64) -> Pixel {
         let Frame { x0, x1, y0, y1 } = self.frame;
         [x0 + self.x.place(x) * (x1 - x0), y1 - self.y.place(y) * (y1 - y0)]
     }
 
     /// Returns the place of a point on the sheet, if it has one.
-    pub(super) fn checked(&self, x: f64, y: f64) -> Option<Point> {
+    pub(super) fn checked(&self, x: f64, y: f64) -> Option<Pixel> {
         (drawable(x, self.x.logarithmic) && drawable(y, self.y.logarithmic)).then(|| self.at(x, y))
     }
 
@@ -253,7 +253,7 @@ impl<'a> Sheet<'a> {
     fn series(&self, canvas: &Canvas<'_>, series: &Series, ink: &mut Ink, dots: &mut String) -> usize {
         let colour = canvas.colours.series(series.colour);
         let pairs = series.x.iter().copied().zip(series.y.iter().copied());
-        let points: Vec<Option<Point>> = pairs.map(|(x, y)| self.checked(x, y)).collect();
+        let points: Vec<Option<Pixel>> = pairs.map(|(x, y)| self.checked(x, y)).collect();
         let mut lines = Vec::new();
         let mut pen = legend::pen(series.style, colour);
         if pen.is_some() {
@@ -273,7 +273,7 @@ impl<'a> Sheet<'a> {
             ink.line(line);
             pen.into_iter().for_each(|pen| canvas.line(line, pen));
         }
-        let inside: Vec<Point> = points.iter().flatten().copied().filter(|point| self.frame.holds(*point)).collect();
+        let inside: Vec<Pixel> = points.iter().flatten().copied().filter(|point| self.frame.holds(*point)).collect();
         let many = inside.len() > 300;
         let radius = match series.style {
             Style::Points | Style::Joined => Some(if many { 1.2 } else { 2.4 }),
@@ -294,7 +294,7 @@ impl<'a> Sheet<'a> {
 }
 
 /// Returns dots as one path of round points; those on the same half of a pixel are one.
-fn path_of_dots(points: &[Point], radius: f64, colour: Rgb) -> String {
+fn path_of_dots(points: &[Pixel], radius: f64, colour: Rgb) -> String {
     let step = 0.5 * UNIT;
     let places = points.iter().map(|point| point.map(|px| ((px * UNIT / step).round() * step) as i32));
     let places: BTreeSet<[i32; 2]> = places.collect();

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use crate::plot::Guide;
 
 use super::{
-    canvas::{Anchor, Canvas, Pen, Point},
+    canvas::{Anchor, Canvas, Pen, Pixel},
     frame::Frame,
     panel::{SMALL, Sheet},
     text,
@@ -22,7 +22,7 @@ impl Ink {
         (length / Self::CELL).floor() as i32
     }
 
-    pub fn line(&mut self, points: &[Point]) {
+    pub fn line(&mut self, points: &[Pixel]) {
         for ends in points.windows(2) {
             let ([ax, ay], [bx, by]) = (ends[0], ends[1]);
             let steps = (libm::hypot(bx - ax, by - ay) / Self::CELL).ceil();
@@ -33,7 +33,7 @@ impl Ink {
         }
     }
 
-    pub fn dot(&mut self, [x, y]: Point) {
+    pub fn dot(&mut self, [x, y]: Pixel) {
         self.0.insert((Self::cell(x), Self::cell(y)));
     }
 
@@ -50,7 +50,7 @@ impl Ink {
 /// Words at a place.
 struct Words<'a> {
     words: &'a str,
-    at: Point,
+    at: Pixel,
     anchor: Anchor,
     /// True if curves below are allowed: the first such place that hides no other words is taken.
     firm: bool,
@@ -70,7 +70,7 @@ impl Words<'_> {
 
 impl Sheet<'_> {
     /// Returns the two ends of a guide inside the frame, if any part is inside.
-    fn guide_ends(&self, guide: &Guide) -> Option<[Point; 2]> {
+    fn guide_ends(&self, guide: &Guide) -> Option<[Pixel; 2]> {
         let Frame { x0, x1, y0, y1 } = self.frame;
         let ends = match guide {
             Guide::Vertical { x, .. } => {
@@ -145,7 +145,7 @@ impl Sheet<'_> {
     }
 
     /// Returns places around a point, best first.
-    fn beside<'n>(&self, words: &'n str, [x, y]: Point) -> Vec<Words<'n>> {
+    fn beside<'n>(&self, words: &'n str, [x, y]: Pixel) -> Vec<Words<'n>> {
         let Frame { x0, x1, y0, y1 } = self.frame;
         let length = text::width(words, SMALL, false);
         let mut places = Vec::new();
@@ -160,7 +160,7 @@ impl Sheet<'_> {
     }
 
     /// Returns places along a guide, best first.
-    fn along<'g>(&self, guide: &'g Guide, [[ax, ay], [bx, by]]: [Point; 2]) -> Vec<Words<'g>> {
+    fn along<'g>(&self, guide: &'g Guide, [[ax, ay], [bx, by]]: [Pixel; 2]) -> Vec<Words<'g>> {
         let Frame { x0, x1, y0, y1 } = self.frame;
         let (Guide::Vertical { name, .. } | Guide::Horizontal { name, .. } | Guide::Slanted { name, .. }) = guide;
         let length = text::width(name, SMALL, false);

@@ -9,13 +9,13 @@ use crate::plot::{Axis, Figure, Guide, Note, Panel, Series, Style};
 const LEAST: f64 = 1e-6;
 
 /// Row of a chart: its name, and an optional value of each series.
-struct Row {
+struct ChartRow {
     words: String,
     values: Vec<Option<f64>>,
 }
 
 /// Returns rows of points, one above the other in the order given, each under its name.
-fn rows(title: &str, x: Axis, names: &[&str], rows: &[Row], guide: Guide) -> Panel {
+fn rows(title: &str, x: Axis, names: &[&str], rows: &[ChartRow], guide: Guide) -> Panel {
     let sizes = |k: usize| rows.iter().enumerate().filter_map(move |(i, row)| Some(((i + 1) as f64, row.values[k]?)));
     let drawn = |value: f64| if x.logarithmic { value.abs().max(LEAST) } else { value };
     let series = names.iter().enumerate().map(|(k, name)| {
@@ -77,8 +77,8 @@ impl Advice {
 pub(super) fn rungs(advice: &Advice) -> Option<Figure> {
     let together = advice.together.iter().map(|rung| (rung, "all that is enough, together"));
     let all = sorted(advice.rungs.iter().map(|rung| (rung, rung.words.as_str())).chain(together), |(r, _)| change(r));
-    let row = |of: &dyn Fn(&Rung) -> Vec<Option<f64>>| -> Vec<Row> {
-        all.iter().map(|(rung, words)| Row { words: (*words).to_owned(), values: of(rung) }).collect()
+    let row = |of: &dyn Fn(&Rung) -> Vec<Option<f64>>| -> Vec<ChartRow> {
+        all.iter().map(|(rung, words)| ChartRow { words: (*words).to_owned(), values: of(rung) }).collect()
     };
     let changes = rows(
         "What it changes",
@@ -107,14 +107,14 @@ pub(super) fn rungs(advice: &Advice) -> Option<Figure> {
 pub(super) fn freedoms(advice: &Advice) -> Option<Figure> {
     let dropped = advice.parts.iter().filter_map(|part| Some((part, part.dropped.as_ref()?)));
     let all = sorted(dropped, |(_, rung)| change(rung));
-    let row = |(part, rung): &(&super::Part, &Rung)| Row {
+    let row = |(part, rung): &(&super::Participation, &Rung)| ChartRow {
         words: part.group.words.clone(),
         values: vec![Some(rung.apart_change()), rung.peak_change(), part.share],
     };
     let names = ["time without force, forcing periods", "peak force, relative", "share of the motion's kinetic energy"];
     let mut panels = Vec::new();
     if !all.is_empty() {
-        let own: Vec<Row> = all.iter().map(row).collect();
+        let own: Vec<ChartRow> = all.iter().map(row).collect();
         panels.push(rows("Held, one group at a time", logarithmic("change, share"), &names, &own, tolerance(advice)));
     }
     panels.extend(modes(advice));

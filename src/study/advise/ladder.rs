@@ -40,7 +40,7 @@ impl Ladder {
 
 /// A simpler model that can be tried.
 #[derive(Clone, Debug)]
-pub(super) struct Planned {
+pub(super) struct PlannedRung {
     /// Ladder of the rung; none for the scene itself.
     pub ladder: Option<Ladder>,
     pub words: String,
@@ -49,7 +49,7 @@ pub(super) struct Planned {
 
 /// Model or figure that could not be made or measured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Left {
+pub struct Omission {
     /// Name of the missing model or figure.
     pub words: String,
     /// Reason for which it is missing.
@@ -58,8 +58,8 @@ pub struct Left {
 
 /// Rungs of a scene, ladder by ladder, and the ladders without rungs.
 pub(super) struct Rungs {
-    pub planned: Vec<Planned>,
-    pub left: Vec<Left>,
+    pub planned: Vec<PlannedRung>,
+    pub left: Vec<Omission>,
     simulation: Simulation,
     period: f64,
 }
@@ -94,11 +94,11 @@ impl Rungs {
     }
 
     fn add(&mut self, ladder: Ladder, words: impl Into<String>, steps: Vec<Step>) {
-        self.planned.push(Planned { ladder: Some(ladder), words: words.into(), steps });
+        self.planned.push(PlannedRung { ladder: Some(ladder), words: words.into(), steps });
     }
 
     fn leave(&mut self, words: &str, why: impl Into<String>) {
-        self.left.push(Left { words: words.to_owned(), why: why.into() });
+        self.left.push(Omission { words: words.to_owned(), why: why.into() });
     }
 
     fn planetary(&mut self, scene: &Scene) {

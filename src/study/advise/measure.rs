@@ -59,7 +59,7 @@ pub struct Mesh {
 
 /// Work per forcing cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Work {
+pub struct CycleWork {
     /// Dense steps.
     pub steps: f64,
     /// Events.
@@ -80,7 +80,7 @@ pub struct Motion {
     /// Contacts, by family.
     pub meshes: Vec<Mesh>,
     /// Work per cycle.
-    pub work: Work,
+    pub work: CycleWork,
     /// Final state, at the start of a cycle.
     #[serde(skip)]
     pub end: Seed,
@@ -170,7 +170,7 @@ pub(super) fn measure(
         followed,
         cycles: stretches * cycles,
         meshes,
-        work: Work {
+        work: CycleWork {
             steps: (after.steps - before.steps) as f64 / all,
             events: (after.events - before.events) as f64 / all,
         },

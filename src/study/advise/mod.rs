@@ -24,11 +24,11 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use ladder::{Ladder, Left, Planned, Rungs};
+use ladder::{Ladder, Omission, PlannedRung, Rungs};
 use measure::{Moments, measure};
 use model::{FREEDOMS, Model, Step};
-use participation::{Group, Mode, groups};
-use verdict::Change;
+use participation::{FreedomGroup, Mode, groups};
+use verdict::FamilyChange;
 
 use super::{
     StudyError,
@@ -42,11 +42,11 @@ const GROUPS: usize = 24;
 
 /// Simplifications that can be tried on a scene.
 #[derive(Debug)]
-pub struct Plan {
+pub struct AdvisePlan {
     scene: Scene,
-    rungs: Vec<Planned>,
-    left: Vec<Left>,
-    groups: Vec<Group>,
+    rungs: Vec<PlannedRung>,
+    left: Vec<Omission>,
+    groups: Vec<FreedomGroup>,
 }
 
 /// Model that was measured.
@@ -61,7 +61,7 @@ pub struct Rung {
     /// Its steady motion, started from that of the scene.
     pub motion: Motion,
     /// Changes by family of contacts.
-    pub changes: Vec<Change>,
+    pub changes: Vec<FamilyChange>,
     /// Verdict on whether the model is sufficient.
     pub verdict: Verdict,
     /// Its motion from the start of the scene, if that is another one.
@@ -74,8 +74,8 @@ pub struct Rung {
 
 impl Rung {
     /// Returns a model without changes.
-    fn new(planned: Planned, model: Model, motion: Motion) -> Self {
-        let Planned { ladder, words, steps } = planned;
+    fn new(planned: PlannedRung, model: Model, motion: Motion) -> Self {
+        let PlannedRung { ladder, words, steps } = planned;
         let set = steps.iter().filter_map(Step::value).map(|(pointer, value)| (pointer.to_owned(), value)).collect();
         let (changes, verdict, own_start) = (Vec::new(), Verdict::Enough, None);
         Self { ladder, words, set, motion, changes, verdict, own_start, model, steps }
@@ -120,10 +120,10 @@ impl Rung {
 
 /// Group of freedoms, its share in the motion, and the change from holding it.
 #[derive(Debug, Serialize)]
-pub struct Part {
+pub struct Participation {
     /// Freedoms of the group.
     #[serde(flatten)]
-    pub group: Group,
+    pub group: FreedomGroup,
     /// Share in the kinetic energy of the steady motion; none at rest.
     pub share: Option<f64>,
     /// Train without it.
@@ -150,7 +150,7 @@ pub struct Advice {
     /// Simpler models.
     pub rungs: Vec<Rung>,
     /// Groups of degrees of freedom.
-    pub parts: Vec<Part>,
+    pub parts: Vec<Participation>,
     /// Families of contacts, in the order of the modes.
     pub families: Vec<String>,
     /// Natural modes; empty if `left` gives the reason.
@@ -158,7 +158,7 @@ pub struct Advice {
     /// All sufficient steps together, if no rung is that already.
     pub together: Option<Rung>,
     /// Models and figures that could not be made or measured.
-    pub left: Vec<Left>,
+    pub left: Vec<Omission>,
 }
 
 impl Advice {
@@ -181,7 +181,7 @@ impl Advice {
     }
 }
 
-impl Plan {
+impl AdvisePlan {
     /// Finds the simplifications of `scene`.
     ///
     /// # Errors
@@ -208,18 +208,19 @@ impl Plan {
         let mut moments = Moments::new(spec.freedoms.len());
         let motion = measure(context, &model, None, Some(&mut moments))?;
         context.task.advance();
-        let full = Rung::new(Planned { ladder: None, words: "the scene".to_owned(), steps: Vec::new() }, model, motion);
+        let full =
+            Rung::new(PlannedRung { ladder: None, words: "the scene".to_owned(), steps: Vec::new() }, model, motion);
         let covariance = moments.covariance();
         let shares = participation::motion_shares(&spec, &covariance, &self.groups);
         let mut left = self.left.clone();
         let modes = participation::modes(&spec, &covariance, &self.groups).unwrap_or_else(|why| {
-            left.push(Left { words: "natural modes".to_owned(), why });
+            left.push(Omission { words: "natural modes".to_owned(), why });
             Vec::new()
         });
 
-        let trial = Trial { scene: &self.scene, context, full: &full, tolerance };
+        let trial = ModelTrial { scene: &self.scene, context, full: &full, tolerance };
         let held = self.held(shares.as_deref());
-        let all: Vec<Planned> =
+        let all: Vec<PlannedRung> =
             self.rungs.iter().cloned().chain(held.iter().map(|(_, planned)| planned.clone())).collect();
         let mut measured = context.each(&all, |planned| trial.measure(planned))?.into_iter();
         let mut rungs = Vec::new();
@@ -227,8 +228,9 @@ impl Plan {
             result.map_or_else(|why| left.push(why), |rung| rungs.push(rung));
         }
         let share = |i: usize| shares.as_ref().map(|shares| shares[i]);
-        let part = |(i, group): (usize, &Group)| Part { group: group.clone(), share: share(i), dropped: None };
-        let mut parts: Vec<Part> = self.groups.iter().enumerate().map(part).collect();
+        let part =
+            |(i, group): (usize, &FreedomGroup)| Participation { group: group.clone(), share: share(i), dropped: None };
+        let mut parts: Vec<Participation> = self.groups.iter().enumerate().map(part).collect();
         for ((i, _), result) in held.iter().zip(measured) {
             result.map_or_else(|why| left.push(why), |rung| parts[*i].dropped = Some(rung));
         }
@@ -256,7 +258,7 @@ impl Plan {
     }
 
     /// Returns the groups to hold, by index, each with its rung.
-    fn held(&self, shares: Option<&[f64]>) -> Vec<(usize, Planned)> {
+    fn held(&self, shares: Option<&[f64]>) -> Vec<(usize, PlannedRung)> {
         if self.groups.len() < 2 {
             return Vec::new();
         }
@@ -266,7 +268,7 @@ impl Plan {
         }
         order.truncate(GROUPS);
         order.sort_unstable();
-        let planned = |i: usize| Planned {
+        let planned = |i: usize| PlannedRung {
             ladder: Some(Ladder::Freedoms),
             words: format!("without {}", self.groups[i].words),
             steps: vec![self.dropped(&self.groups[i].freedoms)],
@@ -289,26 +291,26 @@ impl Plan {
 }
 
 /// Trial of simpler models.
-struct Trial<'a> {
+struct ModelTrial<'a> {
     scene: &'a Scene,
     context: &'a Context<'a>,
     full: &'a Rung,
     tolerance: f64,
 }
 
-impl Trial<'_> {
+impl ModelTrial<'_> {
     /// Measures a model, or returns the reason for which there is none.
-    fn measure(&self, planned: &Planned) -> Result<Result<Rung, Left>, StudyError> {
+    fn measure(&self, planned: &PlannedRung) -> Result<Result<Rung, Omission>, StudyError> {
         let rung = self.rung(planned);
         self.context.task.advance();
         match rung {
             Err(StudyError::Interrupted) => Err(StudyError::Interrupted),
-            Err(error) => Ok(Err(Left { words: planned.words.clone(), why: error.to_string() })),
+            Err(error) => Ok(Err(Omission { words: planned.words.clone(), why: error.to_string() })),
             Ok(rung) => Ok(Ok(rung)),
         }
     }
 
-    fn rung(&self, planned: &Planned) -> Result<Rung, StudyError> {
+    fn rung(&self, planned: &PlannedRung) -> Result<Rung, StudyError> {
         let model = Model::new(self.scene, &planned.steps)?;
         let full = &self.full.motion;
         let seed = model.seed(&self.full.model, &full.end);
@@ -330,7 +332,7 @@ impl Trial<'_> {
 
 /// Returns all sufficient steps together: of each ladder the lowest rung above which all are sufficient (every one of the law). Without a
 /// sufficient rung of the freedoms, adds the groups that can be held. None if fewer than two result.
-fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step) -> Option<Planned> {
+fn together(rungs: &[Rung], parts: &[Participation], dropped: impl Fn(&[String]) -> Step) -> Option<PlannedRung> {
     let on = |ladder: Ladder| rungs.iter().filter(move |rung| rung.ladder == Some(ladder));
     let lowest = |ladder: Ladder| on(ladder).take_while(|rung| rung.is_enough()).last();
     let mut chosen: Vec<&Rung> = Vec::new();
@@ -341,8 +343,8 @@ fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step)
         }
     }
     let freedoms = lowest(Ladder::Freedoms);
-    let needless = |part: &&Part| part.dropped.as_ref().is_some_and(Rung::is_enough);
-    let held: Vec<&Part> = parts.iter().filter(|_| freedoms.is_none()).filter(needless).collect();
+    let needless = |part: &&Participation| part.dropped.as_ref().is_some_and(Rung::is_enough);
+    let held: Vec<&Participation> = parts.iter().filter(|_| freedoms.is_none()).filter(needless).collect();
     // Last, as they change the set of degrees of freedom.
     chosen.extend(freedoms);
     let mut steps: Vec<Step> = chosen.iter().flat_map(|rung| rung.steps.clone()).collect();
@@ -352,5 +354,5 @@ fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step)
         steps.push(dropped(&names));
         words.extend(held.iter().map(|part| format!("without {}", part.group.words)));
     }
-    (words.len() > 1).then(|| Planned { ladder: Some(Ladder::Freedoms), words: words.join(", "), steps })
+    (words.len() > 1).then(|| PlannedRung { ladder: Some(Ladder::Freedoms), words: words.join(", "), steps })
 }

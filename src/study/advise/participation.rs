@@ -12,7 +12,7 @@ use crate::{
 
 /// Group of freedoms: x and y of a body, or the same freedom of all planets.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Group {
+pub struct FreedomGroup {
     /// Name in words.
     pub words: String,
     /// Freedoms of the group.
@@ -23,11 +23,11 @@ pub struct Group {
 ///
 /// Names are read as `x_s, y_s, u_s` of a body, `xi_i, eta_i, u_i` of planet i. Numbers count planets if other bodies have letters, else
 /// bodies. A name of another form is a group by itself.
-pub fn groups(freedoms: &[String]) -> Vec<Group> {
+pub fn groups(freedoms: &[String]) -> Vec<FreedomGroup> {
     let split = |name: &str| name.split_once('_').map(|(stem, of)| (stem.to_owned(), of.to_owned()));
     let numbered = |of: &str| !of.is_empty() && of.chars().all(|c| c.is_ascii_digit());
     let lettered = freedoms.iter().filter_map(|name| split(name)).any(|(_, of)| !numbered(&of));
-    let mut found: Vec<Group> = Vec::new();
+    let mut found: Vec<FreedomGroup> = Vec::new();
     for name in freedoms {
         let words = match split(name) {
             Some((stem, of)) if lettered && numbered(&of) => planets(&stem),
@@ -38,7 +38,7 @@ pub fn groups(freedoms: &[String]) -> Vec<Group> {
         };
         match found.iter_mut().find(|group| group.words == words) {
             Some(group) => group.freedoms.push(name.clone()),
-            None => found.push(Group { words, freedoms: vec![name.clone()] }),
+            None => found.push(FreedomGroup { words, freedoms: vec![name.clone()] }),
         }
     }
     found
@@ -61,13 +61,13 @@ fn known(table: &[(&str, &str)], name: &str) -> Option<String> {
 
 /// Returns the shares of the groups in the kinetic energy of a motion with velocity covariance S: `Σ_i (M S)_ii / tr(M S)`; none for a
 /// motion at rest.
-pub fn motion_shares(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Option<Vec<f64>> {
+pub fn motion_shares(spec: &Spec, covariance: &DMatrix<f64>, groups: &[FreedomGroup]) -> Option<Vec<f64>> {
     let energy = (&spec.mass * covariance).diagonal();
     let whole = energy.sum();
     (whole > 0.0).then(|| groups.iter().map(|group| sum(spec, group, &energy) / whole).collect())
 }
 
-fn sum(spec: &Spec, group: &Group, of: &DVector<f64>) -> f64 {
+fn sum(spec: &Spec, group: &FreedomGroup, of: &DVector<f64>) -> f64 {
     let index = |name: &String| spec.freedoms.iter().position(|freedom| freedom == name);
     group.freedoms.iter().filter_map(index).map(|i| of[i]).sum()
 }
@@ -89,7 +89,7 @@ pub struct Mode {
 
 /// Returns the natural modes of a train about its rest under the constant load, power laws with their tangent there; or the reason for
 /// which there are none.
-pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Result<Vec<Mode>, String> {
+pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[FreedomGroup]) -> Result<Vec<Mode>, String> {
     if spec.contacts.iter().any(|contact| matches!(contact.law, Law::Rigid(_))) {
         return Err("rigid contacts have no stiffness".to_owned());
     }

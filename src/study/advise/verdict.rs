@@ -7,7 +7,7 @@ use crate::output::label;
 
 /// Change of one family of contacts from the scene to a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Change {
+pub struct FamilyChange {
     /// The family.
     pub family: String,
     /// Change of the time without force, forcing periods.
@@ -51,7 +51,7 @@ pub(super) fn largest(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Returns the changes from `full` to `motion`, family by family of `full`.
-pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
+pub fn changes(full: &Motion, motion: &Motion) -> Vec<FamilyChange> {
     let between =
         |a: Estimate, b: Estimate| Estimate { value: b.value - a.value, error: libm::hypot(a.error, b.error) };
     let relative = |a: f64, b: f64| (a > 0.0).then(|| (b - a) / a);
@@ -59,7 +59,7 @@ pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
         let now = motion.mesh(&mesh.family)?;
         let peaks = mesh.peak.zip(now.peak);
         let scaled = |e: Estimate, by: f64| Estimate { value: e.value / by, error: e.error / by };
-        Some(Change {
+        Some(FamilyChange {
             family: mesh.family.clone(),
             apart: between(mesh.apart, now.apart),
             apart_relative: relative(mesh.apart.value, now.apart.value),
@@ -77,7 +77,7 @@ pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
 const DRIFT: f64 = 10.0;
 
 /// Judges `changes` from `full` to `motion`.
-pub fn judge(full: &Motion, motion: &Motion, changes: &[Change], tolerance: f64) -> Verdict {
+pub fn judge(full: &Motion, motion: &Motion, changes: &[FamilyChange], tolerance: f64) -> Verdict {
     let sizes = || changes.iter().flat_map(|change| [Some(change.apart), change.peak]).flatten();
     let periods = [full.settled.period, motion.settled.period];
     let other_kind = match periods {

@@ -10,13 +10,13 @@ use crate::{
     study::{
         StudyError,
         steady::{ContactSteady, Steady},
-        threshold::{By, Search, Threshold, locate},
+        threshold::{LossCriterion, Threshold, ThresholdSearch, locate},
     },
 };
 
 /// Starts of the points of a curve.
 #[derive(Clone, Copy, PartialEq)]
-enum Way {
+enum StartRule {
     /// Each point from the start of the scene.
     Cold,
     /// Each point from the motion at the next lower value.
@@ -26,10 +26,10 @@ enum Way {
 }
 
 /// Every way, with its name and line style.
-const WAYS: [(Way, &str, Style); 3] = [
-    (Way::Cold, "cold start", Style::Joined),
-    (Way::Up, "followed up", Style::Line),
-    (Way::Down, "followed down", Style::Dashed),
+const WAYS: [(StartRule, &str, Style); 3] = [
+    (StartRule::Cold, "cold start", Style::Joined),
+    (StartRule::Up, "followed up", Style::Line),
+    (StartRule::Down, "followed down", Style::Dashed),
 ];
 
 /// Returns a measure of the first contact whose name starts with `stem`, along steady motions.
@@ -71,9 +71,9 @@ pub fn apart(
 ) -> Result<(Figure, Vec<Vec<Steady>>), StudyError> {
     let force = if scene.built().dimensionless { "" } else { "N" };
     let curves = context.each(&WAYS[..if cold { 1 } else { WAYS.len() }], |&(way, ..)| match way {
-        Way::Cold => context.cold(scene, pointer, values),
-        Way::Up => context.followed(scene, pointer, values.iter().copied()),
-        Way::Down => {
+        StartRule::Cold => context.cold(scene, pointer, values),
+        StartRule::Up => context.followed(scene, pointer, values.iter().copied()),
+        StartRule::Down => {
             let mut rows = context.followed(scene, pointer, values.iter().rev().copied())?;
             rows.reverse();
             Ok(rows)
@@ -173,12 +173,12 @@ pub fn threshold(
     scene: &Scene,
     stem: &str,
     ([load, speed], speeds): (&[Quantity; 2], &[f64]),
-    search: &Search,
+    search: &ThresholdSearch,
 ) -> Result<(Figure, Value), StudyError> {
     let drag = |scene: &Scene, key: &str| number(scene, &format!("/train/load/{key}")).unwrap_or(0.0);
     let rows = context.each(speeds, |&rpm| {
         let scene = scene.with(&speed.pointer, json!(rpm))?;
-        let threshold = locate(context, &scene, &load.pointer, (stem, By::Deflection), search)?;
+        let threshold = locate(context, &scene, &load.pointer, (stem, LossCriterion::Deflection), search)?;
         Ok((rpm, threshold, drag(&scene, "drag_torque_nm") + rpm * drag(&scene, "drag_torque_nm_per_rpm")))
     })?;
     let located = || rows.iter().filter_map(|(rpm, threshold, drag)| Some((*rpm, threshold.located()?, *drag)));

@@ -11,7 +11,7 @@ use crate::{
     simulation::Simulation,
     study::{
         StudyError,
-        record::{Recording, Spell},
+        record::{ModeInterval, Recording},
         steady,
     },
 };
@@ -57,7 +57,7 @@ pub fn cycles(
         };
         let title = [&load, &speed].into_iter().filter_map(told).collect::<Vec<_>>().join(", ");
         let found = found(*value, &recording, &contacts, steady::window(&settled));
-        let shown = Shown { recording: &recording.first(count), shaded, units: Units::of(&simulation) };
+        let shown = LoadRecording { recording: &recording.first(count), shaded, units: Units::of(&simulation) };
         let upper = shown.forces(&title, &contacts);
         let lower = shown.speed_of_planet(&simulation, &scene).unwrap_or_else(|| shown.deflection());
         Ok(([upper, lower], found, count))
@@ -110,14 +110,14 @@ fn found(load: Option<f64>, recording: &Recording, contacts: &[(usize, String)],
 }
 
 /// Recording of one load, with the modes of one contact shaded.
-struct Shown<'a> {
+struct LoadRecording<'a> {
     recording: &'a Recording,
     /// Index and family of the contact.
     shaded: (usize, String),
     units: Units,
 }
 
-impl Shown<'_> {
+impl LoadRecording<'_> {
     fn times(&self) -> Vec<f64> {
         self.recording.t.iter().map(|t| self.units.time.0 * t).collect()
     }
@@ -139,7 +139,7 @@ impl Shown<'_> {
     }
 
     /// Returns the events of the shaded contact, with a value at each.
-    fn marks(&self, value: impl Fn(&Spell) -> f64) -> Option<Series> {
+    fn marks(&self, value: impl Fn(&ModeInterval) -> f64) -> Option<Series> {
         let (j, family) = &self.shaded;
         let events = self.recording.spells[*j].iter().skip(1);
         let (x, y): (Vec<f64>, Vec<f64>) = events.map(|spell| (self.units.time.0 * spell.from, value(spell))).unzip();

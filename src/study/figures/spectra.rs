@@ -91,7 +91,7 @@ fn order(h: u32) -> String {
 }
 
 /// Levels of each mesh family at one speed.
-struct Row {
+struct SpeedSpectra {
     mesh_frequency: Vec<f64>,
     spectra: Vec<Spectrum>,
 }
@@ -123,7 +123,7 @@ pub fn waterfall(
         let rate = f64::from(PER_CYCLE) / simulation.period()?;
         let own = families.iter().map(|(j, _)| mesh_frequency(&simulation, *j)).collect::<Result<_, _>>()?;
         let spectra = families.iter().map(|(j, _)| Spectrum::new(&recording.force[*j], rate, window)).collect();
-        Ok(Row { mesh_frequency: own, spectra })
+        Ok(SpeedSpectra { mesh_frequency: own, spectra })
     })?;
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
         return Err(StudyError::missing(scene.name(), "no speed is given"));
@@ -173,7 +173,7 @@ pub fn waterfall(
     }
     let largest = levels.iter().fold(f64::NEG_INFINITY, |most, (_, level, _)| most.max(*level));
     for (family, _, values) in levels {
-        let at = |row: &Row, h: u32| f64::from(h) * row.mesh_frequency[family];
+        let at = |row: &SpeedSpectra, h: u32| f64::from(h) * row.mesh_frequency[family];
         let orders = (1..=ORDERS).filter_map(|h| {
             let [from, to] = [at(first, h), at(last, h)];
             let share = if to > from { ((highest - from) / (to - from)).min(1.0) } else { 0.0 };

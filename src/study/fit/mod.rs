@@ -16,7 +16,7 @@ mod question;
 mod result;
 
 pub use question::{Number, Question};
-pub use result::{Excluded, FitResult, FoundNumber, Met};
+pub use result::{ClaimCount, ExclusivePair, FitResult, FoundNumber};
 
 use std::{cell::RefCell, collections::HashMap};
 
@@ -27,7 +27,7 @@ use basin::{
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Context, Kind, StudyError, claims::Verdict, plan::Plan, steady::Rule};
+use super::{Context, FigureKind, StudyError, claims::Verdict, plan::Plan, steady::Rule};
 use crate::{orbit::Approach, task::Task};
 
 /// Relative difference of a number at half of its loss.
@@ -46,7 +46,7 @@ pub type Take<'t> = dyn FnMut(&Trial) -> Result<(), StudyError> + Send + 't;
 /// Claim of a study: its plot, and its index among the claims about that plot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ClaimKey {
-    pub kind: Kind,
+    pub kind: FigureKind,
     pub number: usize,
     pub place: String,
     pub quantity: String,
@@ -130,7 +130,7 @@ impl<'p> Fit<'p> {
     ) -> Result<Vec<Trial>, StudyError> {
         let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
         let known: HashMap<Vec<u64>, Trial> = known.into_iter().map(|trial| (bits(&trial.values), trial)).collect();
-        let search = Search { fit: self, count, known, task, trials: RefCell::default(), take: RefCell::new(take) };
+        let search = FitSearch { fit: self, count, known, task, trials: RefCell::default(), take: RefCell::new(take) };
         for start in 0.. {
             let solver = BoundedCmaEs::<Vec<f64>, DenseMatrix>::new(self.seed.wrapping_add(start), self.spread)
                 .with_absolute_distribution_size_tolerance(OVER);
@@ -173,7 +173,7 @@ impl<'p> Fit<'p> {
         let Ok(plan) = self.question.put(&self.plan, values) else {
             return Ok((NO_TRAIN * self.claims.len() as f64, verdicts));
         };
-        let mut kinds: Vec<Kind> = self.claims.iter().map(|claim| claim.kind).collect();
+        let mut kinds: Vec<FigureKind> = self.claims.iter().map(|claim| claim.kind).collect();
         kinds.dedup();
         let usual = Rule::default();
         let rule = if plan.is_coarse {
@@ -226,7 +226,7 @@ fn worse(one: char, other: char) -> char {
 }
 
 /// Running search.
-struct Search<'s, 'p> {
+struct FitSearch<'s, 'p> {
     fit: &'s Fit<'p>,
     count: usize,
     known: HashMap<Vec<u64>, Trial>,
@@ -241,7 +241,7 @@ enum Stop {
     Failed(StudyError),
 }
 
-impl CostFunction for &Search<'_, '_> {
+impl CostFunction for &FitSearch<'_, '_> {
     type Param = Vec<f64>;
     type Output = f64;
     type Error = Stop;
@@ -264,7 +264,7 @@ impl CostFunction for &Search<'_, '_> {
     }
 }
 
-impl Constraints for &Search<'_, '_> {
+impl Constraints for &FitSearch<'_, '_> {
     type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
 
     fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {

@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::super::{Kind, StudyError, file, plan::Plan};
+use super::super::{FigureKind, StudyError, file, plan::Plan};
 use crate::scene::SceneError;
 
 /// Most octaves that an implausible number pays for: zero is infinitely many below a plausible range.
@@ -39,7 +39,7 @@ pub struct Number {
 pub struct TrialPlot {
     /// Its kind.
     #[serde(rename = "plot")]
-    pub kind: Kind,
+    pub kind: FigureKind,
     /// Loads or speeds; those of the study by default.
     #[serde(default, deserialize_with = "file::values")]
     pub values: Option<Vec<f64>>,
@@ -146,7 +146,7 @@ impl Question {
     }
 
     /// Returns whether a trial makes this plot.
-    pub(in super::super) fn makes(&self, kind: Kind) -> bool {
+    pub(in super::super) fn makes(&self, kind: FigureKind) -> bool {
         self.plots.is_empty() || self.plots.iter().any(|plot| plot.kind == kind)
     }
 

@@ -28,9 +28,9 @@ pub struct FitResult {
     /// Numbers of the best set.
     pub numbers: Vec<FoundNumber>,
     /// Claims with the best numbers.
-    pub claims: Vec<Met>,
+    pub claims: Vec<ClaimCount>,
     /// Pairs of claims that were never met together.
-    pub never_together: Vec<Excluded>,
+    pub never_together: Vec<ExclusivePair>,
     /// Claims that were never met.
     pub never: Vec<String>,
 }
@@ -58,7 +58,7 @@ pub struct FoundNumber {
 
 /// Claim, with the number of trials in which it was met.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Met {
+pub struct ClaimCount {
     /// Its place in the source.
     pub place: String,
     /// Its quantity.
@@ -73,7 +73,7 @@ pub struct Met {
 
 /// Two claims that were never met together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Excluded {
+pub struct ExclusivePair {
     /// The claims.
     pub claims: [String; 2],
     /// Number of trials in which each was met.
@@ -90,11 +90,11 @@ impl FitResult {
         let met = |i: usize| letters.iter().filter(|row| is_met(row, i)).count();
         let own: Vec<char> = best.verdicts.chars().collect();
         let words = |i: usize| format!("{}: {}", fit.claims[i].place, fit.claims[i].quantity);
-        let claims: Vec<Met> = fit
+        let claims: Vec<ClaimCount> = fit
             .claims
             .iter()
             .enumerate()
-            .map(|(i, claim)| Met {
+            .map(|(i, claim)| ClaimCount {
                 place: claim.place.clone(),
                 quantity: claim.quantity.clone(),
                 held_out: claim.is_held_out,
@@ -111,7 +111,7 @@ impl FitResult {
         let together = |(i, j): &(usize, usize)| letters.iter().any(|row| is_met(row, *i) && is_met(row, *j));
         let never_together = pairs
             .filter(|pair| !together(pair))
-            .map(|(i, j)| Excluded { claims: [words(i), words(j)], met: [claims[i].met, claims[j].met] })
+            .map(|(i, j)| ExclusivePair { claims: [words(i), words(j)], met: [claims[i].met, claims[j].met] })
             .collect();
         let as_good: Vec<&Trial> = trials.iter().filter(|trial| trial.loss <= best.loss + EQUAL).collect();
         let number = |(k, number): (usize, &super::Number)| {

@@ -38,7 +38,7 @@ pub(super) struct Fit<'a> {
 
 /// End of a descent.
 #[derive(Clone, Debug)]
-pub(super) struct Point {
+pub(super) struct DescentEnd {
     /// Coordinates.
     pub x: Vec<f64>,
     /// Values of the targets there.
@@ -88,7 +88,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Returns the largest difference of two points in any number, as a share of its range.
-    pub fn distance(&self, a: &Point, b: &Point) -> f64 {
+    pub fn distance(&self, a: &DescentEnd, b: &DescentEnd) -> f64 {
         let share = |i: usize| (a.x[i] - b.x[i]).abs() / (self.high[i] - self.low[i]);
         (0..a.x.len()).map(share).fold(0.0, f64::max)
     }
@@ -113,7 +113,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Returns the minimum in which a descent from `start` ends; none if the train is invalid at the start.
-    pub fn descend(&self, start: &[f64]) -> Option<Point> {
+    pub fn descend(&self, start: &[f64]) -> Option<DescentEnd> {
         self.readings(start)?;
         let method = TrustRegionReflective::new()
             .with_absolute_scaled_gradient_tolerance(GRADIENT)
@@ -138,10 +138,10 @@ impl<'a> Fit<'a> {
         Some(point)
     }
 
-    fn point(&self, x: &[f64], converged: bool) -> Option<Point> {
+    fn point(&self, x: &[f64], converged: bool) -> Option<DescentEnd> {
         let readings = self.readings(x)?;
         let chi_square = self.misfit(&readings).iter().map(|r| r * r).sum();
-        Some(Point { x: x.to_vec(), readings, chi_square, converged })
+        Some(DescentEnd { x: x.to_vec(), readings, chi_square, converged })
     }
 
     fn misfit(&self, readings: &[Reading]) -> Vec<f64> {
@@ -155,8 +155,8 @@ impl<'a> Fit<'a> {
         jacobian.iter().all(|slope| slope.is_finite()).then_some(jacobian)
     }
 
-    fn derivable(&self) -> BoundedFiniteDiff<Trial<'_>> {
-        let trial = Trial { fit: self, scene: RefCell::new(Variant::new(self.scene)) };
+    fn derivable(&self) -> BoundedFiniteDiff<FitProblem<'_>> {
+        let trial = FitProblem { fit: self, scene: RefCell::new(Variant::new(self.scene)) };
         BoundedFiniteDiff::new(trial, self.low.clone(), self.high.clone())
             .jacobian_method(Method::Central)
             .with_step(STEP)
@@ -172,12 +172,12 @@ fn coordinate(parameter: &Parameter, value: f64) -> f64 {
 }
 
 /// Problem with a scene that is changed in place at each trial.
-struct Trial<'a> {
+struct FitProblem<'a> {
     fit: &'a Fit<'a>,
     scene: RefCell<Variant<'a>>,
 }
 
-impl Residual for Trial<'_> {
+impl Residual for FitProblem<'_> {
     type Param = Vec<f64>;
     type Output = Vec<f64>;
     type Error = Infallible;
@@ -190,7 +190,7 @@ impl Residual for Trial<'_> {
     }
 }
 
-impl Constraints for Trial<'_> {
+impl Constraints for FitProblem<'_> {
     type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
 
     fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {

@@ -36,9 +36,9 @@ mod result;
 mod uniqueness;
 
 pub use check::check;
-use fit::{Fit, Point};
+use fit::{DescentEnd, Fit};
 pub use question::{Parameter, Quantity, Target};
-pub use result::{Found, Identification, Side};
+pub use result::{FittedNumber, Identification, Side};
 pub use uniqueness::Uniqueness;
 
 use rayon::prelude::*;
@@ -111,10 +111,11 @@ pub fn identify(
         Ok(point)
     };
     let ends = (0..STARTS).into_par_iter().with_max_len(1).map(descend);
-    let points: Vec<Point> = ends.filter_map(Result::transpose).collect::<Result<_, _>>()?;
+    let points: Vec<DescentEnd> = ends.filter_map(Result::transpose).collect::<Result<_, _>>()?;
     let least = points.iter().map(|p| p.chi_square).fold(f64::INFINITY, f64::min);
-    let (equal, poorer): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|p| p.chi_square <= least + EQUAL);
-    let mut distinct: Vec<Point> = Vec::new();
+    let (equal, poorer): (Vec<DescentEnd>, Vec<DescentEnd>) =
+        points.into_iter().partition(|p| p.chi_square <= least + EQUAL);
+    let mut distinct: Vec<DescentEnd> = Vec::new();
     for point in equal {
         if !distinct.iter().any(|known| fit.distance(known, &point) <= SAME) {
             distinct.push(point);

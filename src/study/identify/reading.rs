@@ -14,12 +14,12 @@ use crate::{
 
 /// Fault of a quantity that a train does not have, with what it has instead and a remedy.
 #[derive(Clone, Debug)]
-pub(super) struct Unreadable {
+pub(super) struct QuantityFault {
     pub found: String,
     pub remedy: &'static str,
 }
 
-impl Unreadable {
+impl QuantityFault {
     fn new(found: impl ToString, remedy: &'static str) -> Self {
         Self { found: found.to_string(), remedy }
     }
@@ -36,10 +36,10 @@ pub(super) struct Reading {
 /// reading of others.
 pub(super) struct Train<'a> {
     spec: &'a Spec,
-    statics: OnceCell<Result<Equilibrium, Unreadable>>,
-    stiffness: OnceCell<Result<DMatrix<f64>, Unreadable>>,
-    modes: OnceCell<Result<Modes, Unreadable>>,
-    families: OnceCell<Result<Vec<FamilyModes>, Unreadable>>,
+    statics: OnceCell<Result<Equilibrium, QuantityFault>>,
+    stiffness: OnceCell<Result<DMatrix<f64>, QuantityFault>>,
+    modes: OnceCell<Result<Modes, QuantityFault>>,
+    families: OnceCell<Result<Vec<FamilyModes>, QuantityFault>>,
 }
 
 impl<'a> Train<'a> {
@@ -49,7 +49,7 @@ impl<'a> Train<'a> {
     }
 
     /// Returns the value of a target's quantity.
-    pub fn read(&self, target: &Target) -> Result<Reading, Unreadable> {
+    pub fn read(&self, target: &Target) -> Result<Reading, QuantityFault> {
         let plain = |value| Reading { value, matched: None };
         match &target.quantity {
             Quantity::Family(family, number) => {
@@ -63,14 +63,14 @@ impl<'a> Train<'a> {
                 let Some(j) = self.spec.contacts.iter().position(|contact| contact.name == *name) else {
                     let known: Vec<&str> = self.spec.contacts.iter().map(|contact| contact.name.as_str()).collect();
                     let found = format!("the train has no contact of this name, but {}", known.join(", "));
-                    return Err(Unreadable::new(found, "choose one of these"));
+                    return Err(QuantityFault::new(found, "choose one of these"));
                 };
                 Ok(plain(self.statics()?.forces[j]))
             }
         }
     }
 
-    fn nearest(&self, wanted: f64) -> Result<Reading, Unreadable> {
+    fn nearest(&self, wanted: f64) -> Result<Reading, QuantityFault> {
         let named: Vec<(f64, String)> = match self.families() {
             Ok(parts) => {
                 let label = |part: &FamilyModes, i: usize| Quantity::Family(part.family, i + 1).to_string();
@@ -88,12 +88,12 @@ impl<'a> Train<'a> {
         Ok(Reading { value, matched: Some(name) })
     }
 
-    fn statics(&self) -> Result<&Equilibrium, Unreadable> {
+    fn statics(&self) -> Result<&Equilibrium, QuantityFault> {
         self.statics.get_or_init(|| equilibrium(self.spec).map_err(unbalanced)).as_ref().map_err(Clone::clone)
     }
 
     /// Returns `K` with every contact closed, N/m: linear contacts at their mean stiffness, power laws at their tangent.
-    fn stiffness(&self) -> Result<&DMatrix<f64>, Unreadable> {
+    fn stiffness(&self) -> Result<&DMatrix<f64>, QuantityFault> {
         let solve = || {
             if self.spec.contacts.iter().all(is_linear) {
                 return Ok(bonded_stiffness(self.spec, None));
@@ -105,7 +105,7 @@ impl<'a> Train<'a> {
                     let name = &self.spec.contacts[j].name;
                     let found =
                         format!("contact {name} carries no static load: its power law has no tangent stiffness there");
-                    Err(Unreadable::new(found, "give the train a load, or its contacts a linear law"))
+                    Err(QuantityFault::new(found, "give the train a load, or its contacts a linear law"))
                 }
                 None => Ok(bonded_stiffness(self.spec, Some(&tangents))),
             }
@@ -113,15 +113,15 @@ impl<'a> Train<'a> {
         self.stiffness.get_or_init(solve).as_ref().map_err(Clone::clone)
     }
 
-    fn modes(&self) -> Result<&Modes, Unreadable> {
-        let unstable = |error| Unreadable::new(error, "check masses and supports with `flank check`");
+    fn modes(&self) -> Result<&Modes, QuantityFault> {
+        let unstable = |error| QuantityFault::new(error, "check masses and supports with `flank check`");
         let solve = || natural_modes(self.stiffness()?, &self.spec.mass).map_err(unstable);
         self.modes.get_or_init(solve).as_ref().map_err(Clone::clone)
     }
 
-    fn families(&self) -> Result<&Vec<FamilyModes>, Unreadable> {
+    fn families(&self) -> Result<&Vec<FamilyModes>, QuantityFault> {
         let remedy = "name modes by number, mode:N, or write frequency=VALUE for the nearest";
-        let solve = || families(self.spec, self.stiffness()?).map_err(|error| Unreadable::new(error, remedy));
+        let solve = || families(self.spec, self.stiffness()?).map_err(|error| QuantityFault::new(error, remedy));
         self.families.get_or_init(solve).as_ref().map_err(Clone::clone)
     }
 }
@@ -132,21 +132,21 @@ pub(super) fn is_linear(contact: &ContactSpec) -> bool {
 }
 
 /// Returns the value with this number, counted from 1.
-fn nth(values: &[f64], number: usize, what: &str) -> Result<f64, Unreadable> {
+fn nth(values: &[f64], number: usize, what: &str) -> Result<f64, QuantityFault> {
     values.get(number - 1).copied().ok_or_else(|| count(what, values.len()))
 }
 
-fn count(what: &str, count: usize) -> Unreadable {
+fn count(what: &str, count: usize) -> QuantityFault {
     let found = format!("the train has {count} {what} frequencies");
-    Unreadable::new(found, "choose a smaller number, or another family")
+    QuantityFault::new(found, "choose a smaller number, or another family")
 }
 
-fn unbalanced(error: EquilibriumError) -> Unreadable {
+fn unbalanced(error: EquilibriumError) -> QuantityFault {
     let remedy = match error {
         EquilibriumError::Rigid { .. } => {
             "rigid contacts have no stiffness: give them a linear law, or a power law under load"
         }
         _ => "hold every free motion that is loaded, and load every power-law contact",
     };
-    Unreadable::new(error, remedy)
+    QuantityFault::new(error, remedy)
 }

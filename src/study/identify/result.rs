@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{
     Parameter, Target, Uniqueness,
-    fit::{Fit, Point},
+    fit::{DescentEnd, Fit},
     reading::Reading,
 };
 use crate::scene::{Scene, SceneError};
@@ -13,9 +13,9 @@ use crate::scene::{Scene, SceneError};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
     /// Numbers, in the order of the question.
-    pub parameters: Vec<Found>,
+    pub parameters: Vec<FittedNumber>,
     /// Targets, in the order given.
-    pub targets: Vec<Met>,
+    pub targets: Vec<TargetValue>,
     /// Sum `Σ ((got − wanted)/σ)²`.
     pub chi_square: f64,
     /// True if the descent came to rest: the gradient vanishes, points out of a bound, or no step lowers χ².
@@ -37,7 +37,7 @@ pub struct Identification {
 
 /// Number that was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Found {
+pub struct FittedNumber {
     /// Its places in the scene.
     pub pointers: Vec<String>,
     /// Its value in the given scene.
@@ -66,7 +66,7 @@ pub enum Side {
 
 /// Target with its value at the solution.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Met {
+pub struct TargetValue {
     /// Quantity, as in the question.
     pub quantity: String,
     /// Unit: `Hz` or `N`.
@@ -96,7 +96,7 @@ pub struct Solution {
 
 impl Identification {
     /// Returns the first of `distinct` with its statistics; none if it has no derivatives.
-    pub(super) fn new(fit: &Fit, own: &[f64], distinct: &[Point], poorer: usize, starts: usize) -> Option<Self> {
+    pub(super) fn new(fit: &Fit, own: &[f64], distinct: &[DescentEnd], poorer: usize, starts: usize) -> Option<Self> {
         let best = distinct.first()?;
         let (values, jacobian) = (fit.values(&best.x), fit.jacobian(&best.x)?);
         let (uniqueness, variances) = Uniqueness::new(&jacobian, fit.parameters);
@@ -107,7 +107,7 @@ impl Identification {
             let got = best.readings[i].value;
             (got != 0.0).then(|| jacobian[(i, j)] * fit.targets[i].sigma / got * values[j] / scales[j])
         };
-        let found = |(j, p): (usize, &Parameter)| Found {
+        let found = |(j, p): (usize, &Parameter)| FittedNumber {
             pointers: p.pointers.clone(),
             own: own[j],
             low: p.low,
@@ -120,7 +120,7 @@ impl Identification {
         };
         let met = |(target, reading): (&Target, &Reading)| {
             let residual = reading.value - target.wanted;
-            Met {
+            TargetValue {
                 quantity: target.quantity.to_string(),
                 unit: target.quantity.unit(),
                 wanted: target.wanted,

@@ -30,25 +30,25 @@ pub struct Uniqueness {
     /// Singular values, falling, one per number: standard deviations for a factor e (or the whole range).
     pub singular_values: Vec<f64>,
     /// Directions that change no target, to first order. Each has one number (the first) that no other has.
-    pub free: Vec<Direction>,
+    pub free: Vec<NumberDirection>,
     /// Directions that change the targets only a little.
-    pub weak: Vec<Direction>,
+    pub weak: Vec<NumberDirection>,
     /// Correlation of the numbers' errors; none for a number that is not determined.
     pub correlation: Vec<Vec<Option<f64>>>,
 }
 
 /// Numbers that change together, the one that changes most first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Direction {
+pub struct NumberDirection {
     /// Changes of the numbers, at least one.
-    pub moves: Vec<Move>,
+    pub moves: Vec<NumberShare>,
     /// Change of the first number within one standard deviation of the targets, to first order, %; none for a free direction.
     pub within_sigma_percent: Option<f64>,
 }
 
 /// Part of a number in a direction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Move {
+pub struct NumberShare {
     /// Pointers of the number.
     pub number: String,
     /// Its change for 1 % of the first one, %.
@@ -77,12 +77,14 @@ impl Uniqueness {
         let correlate = |i: usize, j: usize| Some(covariance[(i, j)] / (variances[i]? * variances[j]?).sqrt());
         let correlation = (0..unknowns).map(|i| (0..unknowns).map(|j| correlate(i, j)).collect()).collect();
         let weak = (0..rank).filter(|i| singular_values[*i] * WEAK < 1.0).map(|i| {
-            let mut direction = Direction::new(v.column(i).iter().copied(), parameters);
+            let mut direction = NumberDirection::new(v.column(i).iter().copied(), parameters);
             direction.within_sigma_percent = Some(100.0 * v.column(i).amax() / singular_values[i]);
             direction
         });
-        let free =
-            echelon(null).column_iter().map(|column| Direction::new(column.iter().copied(), parameters)).collect();
+        let free = echelon(null)
+            .column_iter()
+            .map(|column| NumberDirection::new(column.iter().copied(), parameters))
+            .collect();
         let weak = weak.collect();
         (Self { unknowns, targets, rank, singular_values, free, weak, correlation }, variances)
     }
@@ -94,10 +96,11 @@ impl Uniqueness {
     }
 }
 
-impl Direction {
+impl NumberDirection {
     fn new(column: impl Iterator<Item = f64>, parameters: &[Parameter]) -> Self {
-        let part = |(p, percent): (&Parameter, f64)| Move { number: p.name(), percent, of_range: !p.is_logarithmic() };
-        let mut moves: Vec<Move> = parameters.iter().zip(column).map(part).collect();
+        let part =
+            |(p, percent): (&Parameter, f64)| NumberShare { number: p.name(), percent, of_range: !p.is_logarithmic() };
+        let mut moves: Vec<NumberShare> = parameters.iter().zip(column).map(part).collect();
         moves.sort_by(|a, b| b.percent.abs().total_cmp(&a.percent.abs()));
         let first = moves[0].percent;
         moves.iter_mut().for_each(|part| part.percent /= first);
@@ -147,7 +150,7 @@ impl fmt::Display for Uniqueness {
     }
 }
 
-impl fmt::Display for Direction {
+impl fmt::Display for NumberDirection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let first = &self.moves[0];
         match self.within_sigma_percent {
@@ -160,13 +163,13 @@ impl fmt::Display for Direction {
         if self.within_sigma_percent.is_some() && self.moves.len() > 1 {
             write!(f, "; for each +1 %{} of it", of_range(first))?;
         }
-        let part = |part: &Move| format!("{} by {:+.2} %{}", part.number, part.percent, of_range(part));
+        let part = |part: &NumberShare| format!("{} by {:+.2} %{}", part.number, part.percent, of_range(part));
         let others = self.moves[1..].iter().map(part).collect::<Vec<_>>().join(", ");
         if others.is_empty() { Ok(()) } else { write!(f, ", {others}") }
     }
 }
 
-fn of_range(part: &Move) -> &'static str {
+fn of_range(part: &NumberShare) -> &'static str {
     if part.of_range { " of its range" } else { "" }
 }
 

@@ -1,6 +1,6 @@
 //! Animation of the train in a recorded motion.
 
-use super::{Shown, colour, state_name};
+use super::{MotionRecord, colour, state_name};
 use crate::{
     hybrid::{ContactMode, ContactView},
     plot::{AnimatedContact, AnimatedGear, Animation},
@@ -15,7 +15,7 @@ const GAUGES: usize = 8;
 /// Share of the train's size at which the largest motion beside the mean rotation is drawn.
 const DRAWN: f64 = 0.015;
 
-impl Shown {
+impl MotionRecord {
     /// Returns the train over a period of its motion; over a cycle without a period, over the run without forcing.
     pub fn animation(&self) -> Option<Animation> {
         let r = &self.recording;

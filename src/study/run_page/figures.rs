@@ -1,6 +1,6 @@
 //! Figures of a recorded motion.
 
-use super::{SHOWN, Shown, colour, state_name};
+use super::{MotionRecord, SHOWN, colour, state_name};
 use crate::{
     analysis::Spectrum,
     hybrid::ContactView,
@@ -20,7 +20,7 @@ const MOST: usize = 4;
 const HIGHEST: f64 = 24.0;
 const SMALLEST: f64 = 1e-9;
 
-impl Shown {
+impl MotionRecord {
     /// Returns the figures, in the order of the page.
     pub fn figures(&self) -> impl Iterator<Item = Figure> {
         [self.states(), self.deflections(), self.impacts(), self.portraits(), self.spectra()].into_iter().flatten()

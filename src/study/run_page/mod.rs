@@ -15,10 +15,10 @@ use crate::{
     analysis::{Contacts, EventLog, EventRow, Grid, cycles_later},
     engine::State,
     hybrid::{ContactMode, Instant},
-    orbit::{Kind, Motion},
+    orbit::{Motion, MotionKind},
     plot::{Item, Report, Section},
     scene::Duration,
-    simulation::{Ended, Simulation, Summary},
+    simulation::{EndKind, Simulation, Summary},
     system::Flanks,
     task::Task,
 };
@@ -55,7 +55,7 @@ struct Impact {
 }
 
 /// Recorded motion of a run.
-struct Shown {
+struct MotionRecord {
     simulation: Simulation,
     recording: Recording,
     impacts: Vec<Impact>,
@@ -75,7 +75,7 @@ struct Shown {
 pub fn page(simulation: &Simulation, summary: &Summary, end: &State, task: Task<'_>) -> Result<Report, StudyError> {
     // A run to a given time is shown as it is.
     let counts_cycles = matches!(simulation.settings.duration, Duration::Cycles(_));
-    let shown = if summary.outcome.kind == Ended::ReachedEnd && counts_cycles && simulation.period().is_ok() {
+    let shown = if summary.outcome.kind == EndKind::ReachedEnd && counts_cycles && simulation.period().is_ok() {
         settled_motion(simulation, end, task)?
     } else {
         whole_run(simulation, end)?
@@ -100,7 +100,7 @@ pub fn page(simulation: &Simulation, summary: &Summary, end: &State, task: Task<
     })
 }
 
-fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Result<Shown, StudyError> {
+fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Result<MotionRecord, StudyError> {
     let clock = *simulation.clock();
     // A page takes a few times as long as its run: the continuation is limited accordingly.
     let most = LONGER * (end.at.cycle - simulation.instants()[0].cycle).max(1).unsigned_abs();
@@ -133,10 +133,10 @@ fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Resul
     let impacts = impacts(&simulation, start, engine.state().at)?;
     let units = Units::of(&simulation);
     drop(engine);
-    Ok(Shown { simulation, recording, impacts, cycles: Some(cycles), motion: Some(motion), units })
+    Ok(MotionRecord { simulation, recording, impacts, cycles: Some(cycles), motion: Some(motion), units })
 }
 
-fn whole_run(simulation: &Simulation, end: &State) -> Result<Shown, StudyError> {
+fn whole_run(simulation: &Simulation, end: &State) -> Result<MotionRecord, StudyError> {
     let start = simulation.start()?;
     let interval = simulation.clock().between(start.at, end.at) / SAMPLES;
     let recording =
@@ -144,7 +144,7 @@ fn whole_run(simulation: &Simulation, end: &State) -> Result<Shown, StudyError> 
     let impacts = impacts(simulation, start, end.at)?;
     let largest = recording.deflection.iter().flatten().fold(0.0, |most: f64, d| most.max(d.abs()));
     let units = Units::of(simulation).fit(simulation.clock().between(simulation.start()?.at, end.at), largest);
-    Ok(Shown { simulation: simulation.clone(), recording, impacts, cycles: None, motion: None, units })
+    Ok(MotionRecord { simulation: simulation.clone(), recording, impacts, cycles: None, motion: None, units })
 }
 
 /// Returns the impacts of the motion from `start` on.
@@ -193,18 +193,18 @@ fn state_name(mode: ContactMode) -> &'static str {
     }
 }
 
-impl Shown {
+impl MotionRecord {
     /// Returns the kind of the motion, sentence by sentence.
     fn words(&self) -> Vec<String> {
         let mut lines = Vec::new();
         if let Some(motion) = &self.motion {
             let mut line = match (motion.kind, motion.period) {
-                (Kind::Periodic, Some(1)) => "The motion is periodic, of one forcing cycle.".to_owned(),
-                (Kind::Periodic, Some(period)) => format!("The motion is periodic, of {period} forcing cycles."),
-                (Kind::Undecided, _) => {
+                (MotionKind::Periodic, Some(1)) => "The motion is periodic, of one forcing cycle.".to_owned(),
+                (MotionKind::Periodic, Some(period)) => format!("The motion is periodic, of {period} forcing cycles."),
+                (MotionKind::Undecided, _) => {
                     "The kind of the motion is undecided: flank sweep decides it, or a longer run.".to_owned()
                 }
-                (Kind::Transient, _) => "The motion is not steady yet.".to_owned(),
+                (MotionKind::Transient, _) => "The motion is not steady yet.".to_owned(),
                 _ => format!("The motion is {}.", motion.kind.word()),
             };
             line += &match motion.cycles {

@@ -18,7 +18,7 @@ pub(super) struct Condition {
 
 /// Reason for which conditions do not determine the speeds.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Undetermined {
+pub(super) enum SpeedFault {
     /// No condition fixes these bodies.
     Free(Vec<usize>),
     /// These conditions contradict each other.
@@ -73,19 +73,19 @@ impl Elimination {
 }
 
 /// Computes the speeds of `bodies` bodies.
-pub(super) fn speeds(bodies: usize, conditions: &[Condition]) -> Result<Vec<Speed>, Undetermined> {
+pub(super) fn speeds(bodies: usize, conditions: &[Condition]) -> Result<Vec<Speed>, SpeedFault> {
     let mut elimination = Elimination::new(bodies, conditions);
-    let pivots = elimination.run().ok_or(Undetermined::Range)?;
+    let pivots = elimination.run().ok_or(SpeedFault::Range)?;
     let is_empty = |row: &&Vec<Speed>| row[..bodies].iter().all(Zero::is_zero) && !row[bodies].is_zero();
     if let Some(row) = elimination.rows.iter().find(is_empty) {
         let used = row[bodies + 1..].iter().enumerate().filter(|(_, multiple)| !multiple.is_zero());
-        return Err(Undetermined::Contradiction(used.map(|(i, _)| i).collect()));
+        return Err(SpeedFault::Contradiction(used.map(|(i, _)| i).collect()));
     }
     // A body is determined if its row contains no other one.
     let alone = |row: usize| elimination.rows[row][..bodies].iter().filter(|x| !x.is_zero()).count() == 1;
     let free: Vec<usize> = (0..bodies).filter(|body| !pivots[*body].is_some_and(alone)).collect();
     if !free.is_empty() {
-        return Err(Undetermined::Free(free));
+        return Err(SpeedFault::Free(free));
     }
     Ok(pivots.into_iter().flatten().map(|row| elimination.rows[row][bodies]).collect())
 }

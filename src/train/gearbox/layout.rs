@@ -6,7 +6,7 @@ use num_traits::{Signed, Zero};
 
 use super::{
     Gearbox, GearboxFault, Hand, Part,
-    kinematics::{Condition, Speed, Undetermined, speeds},
+    kinematics::{Condition, Speed, SpeedFault, speeds},
     phases,
 };
 use crate::gear::{MeshGeometry, MeshKind};
@@ -18,7 +18,7 @@ const SAME_DIRECTION: f64 = 1e-6;
 
 /// A mesh in place.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Line {
+pub struct MeshLine {
     /// Numbers of pinion and wheel.
     pub gears: [usize; 2],
     /// Geometry of the teeth in their working position, with the path of the driving gear.
@@ -49,13 +49,13 @@ pub struct Layout {
     /// Centres of the shafts, m, at time 0.
     pub centres: Vec<[f64; 2]>,
     /// Meshes.
-    pub lines: Vec<Line>,
+    pub lines: Vec<MeshLine>,
 }
 
 /// The given speed, rad/s, and the speeds of shafts and gears relative to it.
 type Turning = (f64, Vec<Speed>, Vec<Speed>);
 /// Centres of the shafts, and the meshes between them.
-type Placed = (Vec<[f64; 2]>, Vec<Line>);
+type ShaftCentres = (Vec<[f64; 2]>, Vec<MeshLine>);
 
 impl Layout {
     /// Mean speed of shaft `i`, rad/s, counter-clockwise positive.
@@ -78,7 +78,7 @@ impl Layout {
 
     /// Base radius of a gear, m, if it is in mesh.
     pub(super) fn base_radius(&self, gear: usize) -> Option<f64> {
-        let of = |line: &Line| Some(line.geometry.base_radii[line.gears.iter().position(|g| *g == gear)?]);
+        let of = |line: &MeshLine| Some(line.geometry.base_radii[line.gears.iter().position(|g| *g == gear)?]);
         self.lines.iter().find_map(of)
     }
 
@@ -179,7 +179,7 @@ impl Gearbox {
         };
         let solved = match speeds(bodies, &conditions) {
             Ok(solved) => solved,
-            Err(Undetermined::Free(free)) => {
+            Err(SpeedFault::Free(free)) => {
                 // A gear fixed to a free shaft adds no condition.
                 let own = |i: &&usize| i.checked_sub(self.shafts.len()).is_none_or(|gear| self.gears[gear].is_loose);
                 let names: Vec<&str> = free.iter().filter(own).map(|i| of_body(*i).1).collect();
@@ -191,7 +191,7 @@ impl Gearbox {
                     "add a mesh or a coupling to each, fix a member of a planetary stage, or remove the body",
                 ));
             }
-            Err(Undetermined::Contradiction(used)) => {
+            Err(SpeedFault::Contradiction(used)) => {
                 let names: Vec<&str> = used.iter().map(|i| conditions[*i].name.as_str()).collect();
                 let place = used.iter().rev().map(|i| parts[*i]).find(|part| matches!(part, Part::Mesh(_)));
                 return Err(fault(
@@ -201,7 +201,7 @@ impl Gearbox {
                     "remove one of them, make a gear loose, or change tooth numbers",
                 ));
             }
-            Err(Undetermined::Range) => {
+            Err(SpeedFault::Range) => {
                 let (allowed, remedy) = ("speed ratios whose fractions have up to 38 digits", "use fewer stages");
                 return Err(fault(Part::Train, "a speed ratio of too many digits".to_owned(), allowed, remedy));
             }
@@ -269,7 +269,7 @@ impl Gearbox {
     }
 
     /// Places the shafts and the meshes; senses, hands and phases are set later.
-    fn place(&self) -> Result<Placed, Vec<GearboxFault>> {
+    fn place(&self) -> Result<ShaftCentres, Vec<GearboxFault>> {
         let mut faults = Vec::new();
         let free: Vec<Option<MeshGeometry>> = (0..self.meshes.len())
             .map(|i| {
@@ -339,7 +339,7 @@ impl Gearbox {
             // The mesh is then the same in the axes of every planet of a stage, to the last bit.
             let carried = mesh.gears.iter().filter_map(|gear| self.shafts[self.gears[*gear].shaft].carried);
             let pitch = carried.map(|(_, psi)| psi).find(|psi| is_rounding(psi - pitch)).unwrap_or(pitch);
-            lines.push(Line {
+            lines.push(MeshLine {
                 gears,
                 geometry,
                 pitch,

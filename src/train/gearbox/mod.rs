@@ -28,7 +28,7 @@ mod layout;
 mod loads;
 mod phases;
 
-pub use layout::{Layout, Line};
+pub use layout::{Layout, MeshLine};
 
 use super::Support;
 use crate::gear::{BasicRack, Gear, Harmonic, MeshKind};

@@ -14,14 +14,14 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::{Gearbox, GearboxFault, Line, Part, ShaftGear, layout::is_rounding};
+use super::{Gearbox, GearboxFault, MeshLine, Part, ShaftGear, layout::is_rounding};
 use crate::gear::MeshKind;
 
 /// Largest misfit of teeth, as a part of a pitch: angles in a scene are rounded.
 const FITS: f64 = 1e-4;
 
 /// A gear in a mesh: the angle of its flank from its tooth, and the pitch point seen from its centre.
-struct End {
+struct GearInMesh {
     teeth: f64,
     /// Sense of rotation.
     sense: f64,
@@ -31,9 +31,9 @@ struct End {
     pitch: f64,
 }
 
-impl End {
+impl GearInMesh {
     /// Ends of a mesh, pinion first.
-    fn both(gearbox: &Gearbox, i: usize, line: &Line) -> [Self; 2] {
+    fn both(gearbox: &Gearbox, i: usize, line: &MeshLine) -> [Self; 2] {
         let is_internal = line.geometry.kind == MeshKind::Internal;
         let of = |k: usize, sense: f64, pitch: f64| {
             let gear = gearbox.gears[line.gears[k]].teeth;
@@ -56,8 +56,8 @@ impl End {
 }
 
 /// The angle of a tooth of gear `k` of mesh `i` at time 0, rad.
-pub(super) fn tooth_angle(gearbox: &Gearbox, i: usize, line: &Line, k: usize) -> f64 {
-    End::both(gearbox, i, line)[k].angle(line.phase)
+pub(super) fn tooth_angle(gearbox: &Gearbox, i: usize, line: &MeshLine, k: usize) -> f64 {
+    GearInMesh::both(gearbox, i, line)[k].angle(line.phase)
 }
 
 /// Number of the body that turns as one with a gear: a shaft with its fixed gears, or a loose gear.
@@ -67,10 +67,11 @@ fn rotor(gearbox: &Gearbox, gear: usize) -> usize {
 }
 
 /// Sets the phases of all meshes.
-pub(super) fn set(gearbox: &Gearbox, lines: &mut [Line]) -> Result<(), Vec<GearboxFault>> {
+pub(super) fn set(gearbox: &Gearbox, lines: &mut [MeshLine]) -> Result<(), Vec<GearboxFault>> {
     let mut angles: Vec<Option<f64>> = vec![None; gearbox.shafts.len() + gearbox.gears.len()];
     let on_shaft = |gear: usize| gearbox.gears[gear].tooth_angle.unwrap_or(0.0);
-    let ends: Vec<[End; 2]> = lines.iter().enumerate().map(|(i, line)| End::both(gearbox, i, line)).collect();
+    let ends: Vec<[GearInMesh; 2]> =
+        lines.iter().enumerate().map(|(i, line)| GearInMesh::both(gearbox, i, line)).collect();
     let rotors: Vec<[usize; 2]> = lines.iter().map(|line| line.gears.map(|gear| rotor(gearbox, gear))).collect();
     let mut open: Vec<usize> = (0..lines.len()).collect();
     while !open.is_empty() {
@@ -106,8 +107,8 @@ pub(super) fn set(gearbox: &Gearbox, lines: &mut [Line]) -> Result<(), Vec<Gearb
 /// Sets the phase of a mesh between gears with known angles.
 fn close(
     gearbox: &Gearbox,
-    lines: &mut [Line],
-    ends: &[[End; 2]],
+    lines: &mut [MeshLine],
+    ends: &[[GearInMesh; 2]],
     angles: &[Option<f64>],
     i: usize,
 ) -> Option<GearboxFault> {

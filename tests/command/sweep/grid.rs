@@ -1,6 +1,6 @@
 //! Axes, grids, and the order in which points are visited.
 
-use flank::sweep::{Axis, Direction, Grid, Plan, Seeding};
+use flank::sweep::{Axis, Grid, Plan, Seeding, SweepDirection};
 use proptest::prelude::*;
 
 fn values(text: &str) -> Vec<f64> {
@@ -85,7 +85,15 @@ fn chains_run_along_the_last_axis() {
 #[test]
 fn with_both_directions_a_point_has_two_rows() {
     let plan = Plan::new(Grid::parse(&["/a=1,2"]).unwrap(), Seeding::Both);
-    let rows: Vec<(f64, Direction)> =
+    let rows: Vec<(f64, SweepDirection)> =
         (0..plan.rows()).map(|i| (plan.cell(i).values[0], plan.cell(i).direction)).collect();
-    assert_eq!(rows, [(1.0, Direction::Up), (1.0, Direction::Down), (2.0, Direction::Up), (2.0, Direction::Down)]);
+    assert_eq!(
+        rows,
+        [
+            (1.0, SweepDirection::Up),
+            (1.0, SweepDirection::Down),
+            (2.0, SweepDirection::Up),
+            (2.0, SweepDirection::Down)
+        ]
+    );
 }

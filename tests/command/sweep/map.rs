@@ -13,7 +13,7 @@ use std::{
 use flank::{
     Task,
     output::OutputError,
-    sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, SweepError, Tally, run},
+    sweep::{Begin, Ending, Grid, Journal, Plan, RowWork, Seeding, SweepError, Tally, run},
 };
 use rayon::prelude::*;
 use serde_json::Value;
@@ -26,7 +26,7 @@ fn plan(axes: &[&str], seeding: Seeding) -> Plan {
 }
 
 /// x ← tanh 3x + a, which has two stable fixed points for |a| < 0.4344: there cosh² 3x = 3 and a = tanh 3x − x.
-fn bistable(cell: &Cell, seed: Option<&f64>) -> Result<(Toy, f64), String> {
+fn bistable(cell: &RowWork, seed: Option<&f64>) -> Result<(Toy, f64), String> {
     let a = *cell.values.last().unwrap();
     // OK not to have converged: what a row is does not depend on it.
     let x = (0..400).fold(seed.copied().unwrap_or(0.1), |x, _| (3.0 * x).tanh() + a);
@@ -49,11 +49,11 @@ fn sweep_with(
     plan: &Plan,
     threads: usize,
     most: usize,
-    work: impl Fn(&Cell, Option<&f64>) -> Result<(Toy, f64), String> + Sync,
+    work: impl Fn(&RowWork, Option<&f64>) -> Result<(Toy, f64), String> + Sync,
 ) -> Option<Tally> {
     let mut journal = open(folder, begin, plan).unwrap().unwrap();
     let (interrupted, done) = (AtomicBool::new(most == 0), AtomicUsize::new(0));
-    let point = |cell: &Cell, seed: Option<&f64>| {
+    let point = |cell: &RowWork, seed: Option<&f64>| {
         let row = work(cell, seed);
         if done.fetch_add(1, Ordering::Relaxed) + 1 >= most {
             interrupted.store(true, Ordering::Relaxed);
@@ -157,7 +157,7 @@ fn sweeps_side_by_side_share_the_threads_of_their_caller() {
         let one = |_| {
             let folder = tempfile::tempdir().unwrap();
             let mut journal = open(folder.path(), Begin::New, &plan).unwrap().unwrap();
-            let point = |cell: &Cell, seed: Option<&f64>| {
+            let point = |cell: &RowWork, seed: Option<&f64>| {
                 used.lock().unwrap().insert(std::thread::current().id());
                 bistable(cell, seed)
             };
@@ -302,7 +302,7 @@ fn damage_costs_the_row_that_it_hits() {
         drop(journal);
         // The rows behind it stay: only what is missing is computed.
         let computed = AtomicUsize::new(0);
-        let work = |cell: &Cell, seed: Option<&f64>| {
+        let work = |cell: &RowWork, seed: Option<&f64>| {
             computed.fetch_add(1, Ordering::Relaxed);
             bistable(cell, seed)
         };
@@ -323,7 +323,7 @@ fn damage_costs_the_row_that_it_hits() {
 fn a_failed_point_is_a_row_and_the_next_starts_fresh() {
     let plan = plan(&["/a=0:4:5"], Seeding::Up);
     let folder = tempfile::tempdir().unwrap();
-    let work = |cell: &Cell, seed: Option<&f64>| match cell.row {
+    let work = |cell: &RowWork, seed: Option<&f64>| match cell.row {
         1 => Err("no orbit, \"alas\"".to_owned()),
         // JSON has no infinity.
         3 => Ok(((f64::INFINITY, true), 0.0)),
@@ -346,7 +346,7 @@ fn a_point_given_up_is_not_a_failed_one() {
     let folder = tempfile::tempdir().unwrap();
     let mut journal = open(folder.path(), Begin::New, &plan).unwrap().unwrap();
     let interrupted = AtomicBool::new(false);
-    let point = |cell: &Cell, seed: Option<&f64>| {
+    let point = |cell: &RowWork, seed: Option<&f64>| {
         if cell.row == 3 {
             interrupted.store(true, Ordering::Relaxed);
             return Err("interrupted".to_owned());

@@ -2,14 +2,14 @@
 
 use flank::{
     map::sweep_figure,
-    orbit::{Kind, Motion},
+    orbit::{Motion, MotionKind},
     plot::Style,
-    study::{Shown, SweepRow},
+    study::{ContactMeasures, SweepRow},
     sweep::{Grid, Plan, Seeding},
 };
 
 fn row(row: usize, period: Option<u64>, word: &str, force: f64) -> SweepRow {
-    let kind = if period.is_some() { Kind::Periodic } else { Kind::Chaotic };
+    let kind = if period.is_some() { MotionKind::Periodic } else { MotionKind::Chaotic };
     let motion = Motion {
         kind,
         period,
@@ -21,7 +21,7 @@ fn row(row: usize, period: Option<u64>, word: &str, force: f64) -> SweepRow {
         distance: 0.0,
         reason: None,
     };
-    let shown = Shown { apart: 0.0, force: Some(force), deflection: [None; 2] };
+    let shown = ContactMeasures { apart: 0.0, force: Some(force), deflection: [None; 2] };
     SweepRow { row, motion, contacts: vec![("mesh".to_owned(), shown)] }
 }
 

@@ -13,7 +13,7 @@ use flank::{
     integrate::Taylor,
     scene::Scene,
     system::{ContactSpec, Flanks, Spec, Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use nalgebra::DMatrix;
 
@@ -25,9 +25,9 @@ fn power(p: u32, q: u32) -> Law {
 
 /// A free body between flanks at ±1 that move as `e = amplitude sin t`.
 fn between(law: Law, amplitude: f64) -> Structure {
-    walled(&Walled {
+    walled(&WalledOscillator {
         motion: vec![Harmonic::sine(1.0, amplitude, 0.0)],
-        ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(100.0))
+        ..WalledOscillator::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(100.0))
     })
 }
 
@@ -54,10 +54,10 @@ fn the_first_contact_with_an_error_at_phase_0_is_where_it_reaches_the_gap() {
 /// Pressed onto a stop by `1.2 + cos t + 0.3 cos(5t + 2)`, restitution 0.
 fn pressed() -> Structure {
     let wave = |omega, amplitude, phase| Harmonic { omega, amplitude, phase };
-    walled(&Walled {
+    walled(&WalledOscillator {
         load: 1.2,
         load_harmonics: vec![wave(1.0, 1.0, 0.0), wave(5.0, 0.3, 2.0)],
-        ..Walled::new(1.0, Walls::Above { position: 0.0 }, rigid(0.0), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, rigid(0.0), Stiffness::Constant(0.0))
     })
 }
 
@@ -84,9 +84,9 @@ fn a_contact_at_rest_lets_go_where_its_force_first_falls_through_zero() {
 #[test]
 fn a_strike_without_restitution_and_without_pressure_is_one_impact() {
     // Thrown against a stop and pulled back: struck at the root of t − t²/4 = ½, and at once on its way back.
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load: -0.5,
-        ..Walled::new(1.0, Walls::Above { position: 0.5 }, rigid(0.0), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Above { position: 0.5 }, rigid(0.0), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[0.0], &[1.0], 3.0);
     assert_eq!(modes(&run.events(), 0), [ContactMode::Separated]);
@@ -148,7 +148,7 @@ fn two_exponents_in_one_train_are_two_contacts() {
 fn what_holds_at_the_start_is_one_record() {
     // Inside a flank whose force pulls: detached from the start.
     let law = Law::KelvinVoigt(Linear { damping: 0.5 }, Release::Force);
-    let s = walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(4.0)));
+    let s = walled(&WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(4.0)));
     let run = run(&s, &[0.1], &[-1.5], 1.0);
     let zero: Vec<_> = run.records.iter().filter(|r| run.clock.time(r.at).value() == 0.0).collect();
     assert_eq!(zero.len(), 1);

@@ -4,14 +4,17 @@ use flank::{
     gear::Stiffness,
     hybrid::ContactMode::{Back, Drive, Separated},
     system::{Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 
 use super::support::{Course, ghost, modes, run, walled};
 
 /// `ẍ = −1` (with mass one) below a flank that is only watched, at `position`.
 fn thrown(position: f64) -> Structure {
-    walled(&Walled { load: -1.0, ..Walled::new(1.0, Walls::Above { position }, ghost(), Stiffness::Constant(0.0)) })
+    walled(&WalledOscillator {
+        load: -1.0,
+        ..WalledOscillator::new(1.0, Walls::Above { position }, ghost(), Stiffness::Constant(0.0))
+    })
 }
 
 #[test]
@@ -35,9 +38,9 @@ fn l5_both_crossings_within_one_step_are_found() {
 fn l5_all_of_twenty_crossings_are_found_however_short() {
     for exponent in 1..=11 {
         let depth = 10f64.powi(-exponent);
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             stiffness: 1.0,
-            ..Walled::new(1.0, Walls::Above { position: 1.0 - depth }, ghost(), Stiffness::Constant(0.0))
+            ..WalledOscillator::new(1.0, Walls::Above { position: 1.0 - depth }, ghost(), Stiffness::Constant(0.0))
         });
         let run = run(&s, &[0.0], &[1.0], 20.0 * std::f64::consts::PI);
         assert_eq!(run.events().len(), 20, "{depth:e}");
@@ -104,9 +107,9 @@ fn l8_the_size_of_a_guard_does_not_matter() {
 #[test]
 fn l8_the_size_of_a_train_does_not_matter() {
     let times = |scale: f64| {
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             load: -scale,
-            ..Walled::new(1.0, Walls::Above { position: 0.499 * scale }, ghost(), Stiffness::Constant(0.0))
+            ..WalledOscillator::new(1.0, Walls::Above { position: 0.499 * scale }, ghost(), Stiffness::Constant(0.0))
         });
         run(&s, &[0.0], &[scale], 2.0).times()
     };
@@ -121,7 +124,7 @@ fn l8_the_size_of_a_train_does_not_matter() {
 
 #[test]
 fn l9_a_gap_crossed_within_one_step_is_two_events() {
-    let s = walled(&Walled::new(1.0, Walls::Between { half_gap: 1e-3 }, ghost(), Stiffness::Constant(0.0)));
+    let s = walled(&WalledOscillator::new(1.0, Walls::Between { half_gap: 1e-3 }, ghost(), Stiffness::Constant(0.0)));
     let run = run(&s, &[2e-3], &[-1.0], 1e-2);
     assert_eq!(modes(&run.events(), 0), [Separated, Back]);
     assert_eq!(contact_mode(&run.records[0].from, 0), Drive);

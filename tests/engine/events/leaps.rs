@@ -13,7 +13,7 @@ use flank::{
     hybrid::{ContactMode, Mode},
     integrate::{DenseStep, Taylor},
     system::{Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use proptest::prelude::*;
 
@@ -26,7 +26,12 @@ use super::{
 fn driven(law: Law, load: f64, amplitude: f64, phase: f64, damping: f64) -> Structure {
     let walls = Walls::Above { position: 0.1 };
     let load_harmonics = vec![Harmonic { omega: 1.0, amplitude, phase }];
-    walled(&Walled { load, load_harmonics, damping, ..Walled::new(1.0, walls, law, Stiffness::Constant(4.0)) })
+    walled(&WalledOscillator {
+        load,
+        load_harmonics,
+        damping,
+        ..WalledOscillator::new(1.0, walls, law, Stiffness::Constant(4.0))
+    })
 }
 
 /// A mass before or between walls whose stiffness follows the drive: its first and third harmonic, of amplitudes that are shares of the mean.
@@ -37,7 +42,12 @@ fn modulated(law: Law, [first, third]: [f64; 2], load: f64, amplitude: f64, phas
     let stiffness = Stiffness::Harmonic { mean: 4.0, harmonics };
     let load_harmonics = vec![Harmonic { omega, amplitude, phase }];
     let walls = if phase > 3.0 { Walls::Between { half_gap: 0.1 } } else { Walls::Above { position: 0.1 } };
-    walled(&Walled { load, load_harmonics, damping: 0.05, ..Walled::new(1.0, walls, law, stiffness) })
+    walled(&WalledOscillator {
+        load,
+        load_harmonics,
+        damping: 0.05,
+        ..WalledOscillator::new(1.0, walls, law, stiffness)
+    })
 }
 
 /// Linear laws with every release, and a rigid one.
@@ -171,7 +181,11 @@ fn l38_flights_much_shorter_than_a_span_keep_their_digits() {
     for damping in [0.3, 0.01, 1e-4, 1e-8, 1e-14] {
         let law = Law::Rigid(Rigid::constant(0.5));
         let walls = Walls::Below { position: 0.0 };
-        let ball = Walled { load: -1.0, damping, ..Walled::new(1.0, walls, law, Stiffness::Constant(1.0)) };
+        let ball = WalledOscillator {
+            load: -1.0,
+            damping,
+            ..WalledOscillator::new(1.0, walls, law, Stiffness::Constant(1.0))
+        };
         let run = run(&walled(&ball), &[0.5], &[0.0], 30.0);
         let speeds: Vec<f64> = run.events().iter().map(|r| -r.x_minus[1]).collect();
         let rest = run.events().iter().position(|r| r.accumulation.is_some()).unwrap();

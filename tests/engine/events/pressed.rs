@@ -9,7 +9,7 @@ use flank::{
     },
     integrate::{Integrator, Taylor},
     system::Structure,
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use proptest::prelude::*;
 
@@ -30,7 +30,10 @@ fn nearly_free(exponent: f64, hysteresis: f64, stiffness: f64) -> Structure {
     let load_harmonics = vec![Harmonic { omega: 1e-9, amplitude: 1e-200, phase: 0.0 }];
     let walls = Walls::Above { position: 0.1 };
     let law = power(exponent, hysteresis);
-    walled(&Walled { load_harmonics, ..Walled::new(1.0, walls, law, Stiffness::Constant(stiffness)) })
+    walled(&WalledOscillator {
+        load_harmonics,
+        ..WalledOscillator::new(1.0, walls, law, Stiffness::Constant(stiffness))
+    })
 }
 
 /// The first event after the start, and the steps up to it.
@@ -83,7 +86,8 @@ fn l39_a_contact_that_hardly_opens_is_not_stepped_over() {
             let load_harmonics = vec![Harmonic { omega: 1e-9, amplitude: 1e-200, phase: 0.0 }];
             let (walls, law) = (Walls::Above { position: 0.0 }, power(exponent, 0.0));
             let unit = Stiffness::Constant(1.0);
-            let system = walled(&Walled { load: 1.0, load_harmonics, ..Walled::new(1.0, walls, law, unit) });
+            let system =
+                walled(&WalledOscillator { load: 1.0, load_harmonics, ..WalledOscillator::new(1.0, walls, law, unit) });
             let speed = (2.0 * (1.0 - 1.0 / (exponent + 1.0) + energy)).sqrt();
             for v in [-speed, speed] {
                 let (event, _) = first(&system, Box::new(Taylor::default()), 1.0, v, 9.0);
@@ -124,13 +128,13 @@ impl Drawn {
             Harmonic { omega: 3.0, amplitude: 0.5 * self.amplitude, phase: 1.0 },
         ];
         let motion = vec![Harmonic { omega: 2.0, amplitude: self.motion, phase: 0.4 }];
-        walled(&Walled {
+        walled(&WalledOscillator {
             load: self.load,
             load_harmonics,
             motion,
             stiffness: self.spring,
             damping: self.damping,
-            ..Walled::new(
+            ..WalledOscillator::new(
                 1.0,
                 walls,
                 power(EXPONENTS[self.exponent], self.hysteresis),
@@ -203,7 +207,11 @@ fn bouncing(exponent: f64, hysteresis: f64, position: f64) -> Structure {
     let load_harmonics = vec![Harmonic { omega: 3.0, amplitude: 0.5, phase: -4.05 }];
     let walls = Walls::Below { position };
     let law = power(exponent, hysteresis);
-    walled(&Walled { load: -1.0, load_harmonics, ..Walled::new(1.0, walls, law, Stiffness::Constant(1e7)) })
+    walled(&WalledOscillator {
+        load: -1.0,
+        load_harmonics,
+        ..WalledOscillator::new(1.0, walls, law, Stiffness::Constant(1e7))
+    })
 }
 
 #[test]

@@ -8,7 +8,7 @@ use flank::{
         contact::{Law, Linear, PowerLaw, Ratio, Release},
     },
     hybrid::ContactMode::{Drive, DriveDetached, Separated},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 
 use super::support::{modes, run, walled};
@@ -16,7 +16,10 @@ use flank::system::contact_mode;
 
 fn damped(damping: f64, load: f64) -> flank::system::Structure {
     let law = Law::KelvinVoigt(Linear { damping }, Release::Force);
-    walled(&Walled { load, ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1.0)) })
+    walled(&WalledOscillator {
+        load,
+        ..WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1.0))
+    })
 }
 
 #[test]
@@ -42,8 +45,12 @@ fn l25_an_undamped_contact_without_stiffness_opens_on_its_flank() {
             let law = Law::KelvinVoigt(Linear { damping: 0.0 }, release);
             let stiffness = Stiffness::switched(vec![[1.0, 0.0]], levels);
             let wall = Walls::Above { position: 0.0 };
-            let run =
-                run(&walled(&Walled { load: -1.0, ..Walled::new(1.0, wall, law, stiffness) }), &[0.0], &[1.0], 6.0);
+            let run = run(
+                &walled(&WalledOscillator { load: -1.0, ..WalledOscillator::new(1.0, wall, law, stiffness) }),
+                &[0.0],
+                &[1.0],
+                6.0,
+            );
             let events: Vec<_> = run.events().into_iter().filter(|r| r.from != r.to && !r.fired.is_empty()).collect();
             assert_eq!(modes(&events, 0), [Separated]);
             let (p, v) = (1f64.sin() + 1f64.cos() - 1.0, 1f64.cos() - 1f64.sin());
@@ -85,9 +92,9 @@ fn latch(speed: f64, latched: f64) {
         speed_floor: 1e-6,
         initial_speed: 1e-2,
     });
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load: 0.1,
-        ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(5.0))
+        ..WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(5.0))
     });
     let run = run(&s, &[0.0], &[speed], 1.0);
     assert_eq!(run.records[0].x_minus[2], 1e-2, "the speed before the first contact");

@@ -14,7 +14,7 @@ use flank::{
     },
     integrate::DenseStep,
     system::{Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 
 use super::support::{ball, engine, masses, modes, rigid, run, state, walled};
@@ -71,10 +71,10 @@ fn l20_accumulation_ends_where_the_closed_form_says() {
 fn l20_accumulation_under_a_load_that_changes_is_summed_to_the_next_order() {
     // ẍ = −1 − ½ sin t: how early the sum is taken must not matter. Summed at a fraction f of the first speed, what is
     // left out is of order (J u/A²)², at most (½ f)², of the remaining time.
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load: -1.0,
         load_harmonics: vec![Harmonic::sine(1.0, -0.5, 0.0)],
-        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.6), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(0.6), Stiffness::Constant(0.0))
     });
     let end = |fraction| {
         let options = flank::engine::Options { chatter_fraction: fraction, ..Default::default() };
@@ -93,9 +93,9 @@ fn l20_accumulation_under_a_load_that_changes_is_summed_to_the_next_order() {
 #[test]
 fn l21_a_contact_at_rest_lets_go_when_its_multiplier_falls_through_zero() {
     // ẍ = −cos t on a floor.
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load_harmonics: vec![Harmonic { omega: 1.0, amplitude: -1.0, phase: 0.0 }],
-        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[0.0], &[0.0], 3.0);
     assert_eq!(contact_mode(&run.records[0].to, 0), Drive);
@@ -110,10 +110,10 @@ fn l21_a_contact_at_rest_lets_go_when_its_multiplier_falls_through_zero() {
 fn l21_accumulation_rest_and_release_follow_each_other() {
     // Gravity 1 and a floor that moves as 1.2 cos t from a throw that comes to rest on it: the floor's acceleration is
     // −1.2 cos t, and it drops away faster than the mass can fall where 1.2 cos t > 1.
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load: -1.0,
         motion: vec![Harmonic { omega: 1.0, amplitude: 1.2, phase: 0.0 }],
-        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.2), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(0.2), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[1.2], &[0.0], 40.0 * PI);
     let rests = run.events().iter().filter(|r| r.accumulation.is_some()).count();
@@ -134,10 +134,10 @@ fn l21_accumulation_rest_and_release_follow_each_other() {
 fn l21_a_body_at_rest_goes_with_a_flank_that_moves_slowly() {
     // The floor's acceleration is 1e-24 of gravity, below the rounding of the load; a step takes 1e12 s.
     let omega = 1e-12;
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load: -1.0,
         motion: vec![Harmonic { omega, amplitude: 1.2, phase: 0.0 }],
-        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
     });
     let mut watch = Deepest { s: &s, distance: 0.0 };
     let mut engine = engine(&s, state(&s, &[1.2], &[0.0]), Options::default());
@@ -205,9 +205,9 @@ fn l23_a_resting_contact_torn_off_by_a_blow_is_separated() {
 #[test]
 fn l24_a_release_is_not_followed_by_an_impact_of_rounding() {
     // A pendulum of two resting contacts that let go in turn, for a thousand periods: as many releases as rests.
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load_harmonics: vec![Harmonic { omega: 1.0, amplitude: 1.0, phase: 0.3 }],
-        ..Walled::new(1.0, Walls::Between { half_gap: 0.5 }, rigid(0.0), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Between { half_gap: 0.5 }, rigid(0.0), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[0.0], &[0.0], 2000.0 * PI);
     let events = run.events();

@@ -10,7 +10,7 @@ use flank::{
     },
     hybrid::ContactMode::{Drive, Separated},
     system::{Structure, contact_mode},
-    train::{KahramanSingh, Walled, Walls},
+    train::{KahramanSingh, WalledOscillator, Walls},
 };
 use proptest::prelude::*;
 
@@ -20,7 +20,7 @@ use super::support::{Log, Run, ball, engine, masses, modes, run, run_from, state
 fn step_at_contact() -> Structure {
     let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
     let k = Stiffness::switched(vec![[1.0, 0.0]], [1.0, 4.0]);
-    walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, law, k))
+    walled(&WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, k))
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn l15_a_stiffness_that_steps_while_the_contact_is_open_is_the_new_one_when_it_c
     for levels in [[1.0, 4.0], [4.0, 1.0]] {
         let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
         let k = Stiffness::switched(vec![[0.25, 0.0], [0.5, 0.0], [0.75, 0.0]], levels);
-        let s = walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, law, k));
+        let s = walled(&WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, k));
         let run = run(&s, &[-1.0], &[1.0], 6.0);
         // Three switches leave the second level, and none ends the arc.
         let end = 1.0 + PI / levels[1].sqrt();
@@ -209,7 +209,7 @@ fn l15_a_periodic_stiffness_has_up_to_8192_pieces() {
         let piece = |i: usize| Piece { start: i as f64 / count as f64, value: 2.0, slope: 0.0 };
         let pieces = (0..count).map(piece).collect();
         let k = Stiffness::Periodic { period: 1.0, origin: 0.0, pieces };
-        Walled::new(1.0, Walls::Above { position: 0.0 }, law, k).assemble()
+        WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, k).assemble()
     };
     let s = Structure::new(of(8192).unwrap()).unwrap();
     let run = run(&s, &[0.0], &[1.0], 3.0);

@@ -7,7 +7,7 @@ use flank::{
     },
     hybrid::ContactMode::{Drive, Separated},
     system::{StartError, Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 
 use super::support::{Course, ball, masses, rigid, run, walled};
@@ -15,7 +15,10 @@ use super::support::{Course, ball, masses, rigid, run, walled};
 /// Unit mass between compliant flanks at ±1 under a constant load.
 fn gap(load: f64) -> Structure {
     let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
-    walled(&Walled { load, ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(1.0)) })
+    walled(&WalledOscillator {
+        load,
+        ..WalledOscillator::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(1.0))
+    })
 }
 
 #[test]
@@ -78,8 +81,10 @@ fn l2_an_approach_on_a_rigid_flank_is_an_impact_at_the_start() {
 
 #[test]
 fn l3_where_every_derivative_is_zero_the_contact_stays_open_for_ever() {
-    for s in [gap(0.0), walled(&Walled::new(1.0, Walls::Above { position: 1.0 }, rigid(0.5), Stiffness::Constant(0.0)))]
-    {
+    for s in [
+        gap(0.0),
+        walled(&WalledOscillator::new(1.0, Walls::Above { position: 1.0 }, rigid(0.5), Stiffness::Constant(0.0))),
+    ] {
         let run = run(&s, &[1.0], &[0.0], 1e6);
         assert_eq!(run.records.len(), 1);
         let first = &run.records[0];
@@ -96,7 +101,7 @@ fn l4_a_start_inside_a_flank_is_contact_if_compliant_and_an_error_if_rigid() {
     // Of a wall that lies on the other side of zero too.
     for (walls, inside) in [(Walls::Above { position: -1.0 }, -0.9), (Walls::Below { position: 1.0 }, 0.9)] {
         let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
-        let single = walled(&Walled::new(1.0, walls, law, Stiffness::Constant(4.0)));
+        let single = walled(&WalledOscillator::new(1.0, walls, law, Stiffness::Constant(4.0)));
         assert_eq!(contact_mode(&single.start(at, &[inside], &[0.0]).unwrap().jump.mode, 0), Drive);
     }
     let failed = ball(0.5).start(at, &[-0.25], &[0.0]);

@@ -15,7 +15,7 @@ use flank::{
     },
     integrate::Taylor,
     system::{ContactSpec, Flanks, Spec, Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use nalgebra::DMatrix;
 
@@ -102,7 +102,7 @@ pub fn modes(records: &[&EventRecord], j: usize) -> Vec<ContactMode> {
     records.iter().map(|r| contact_mode(&r.to, j)).collect()
 }
 
-pub fn walled(walled: &Walled) -> Structure {
+pub fn walled(walled: &WalledOscillator) -> Structure {
     Structure::new(walled.assemble().unwrap()).unwrap()
 }
 
@@ -117,9 +117,9 @@ pub fn rigid(restitution: f64) -> Law {
 
 /// Unit mass above a rigid floor at 0 under unit gravity.
 pub fn ball(restitution: f64) -> Structure {
-    walled(&Walled {
+    walled(&WalledOscillator {
         load: -1.0,
-        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(restitution), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(restitution), Stiffness::Constant(0.0))
     })
 }
 

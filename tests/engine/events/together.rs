@@ -13,7 +13,7 @@ use flank::{
         GuardId, GuardSet, Mode, Watch,
     },
     system::{Structure, contact_mode, guard_id},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 
 use super::support::{Course, attempt, masses, modes, rigid, run, walled};
@@ -144,7 +144,7 @@ fn l13_a_run_that_ends_at_an_impact_has_all_that_follows_from_it() {
 
 #[test]
 fn l13_a_stiffness_drop_lets_go_at_the_same_instant() {
-    let s = walled(&Walled::new(
+    let s = walled(&WalledOscillator::new(
         1.0,
         Walls::Between { half_gap: 1.0 },
         Law::KelvinVoigt(Linear { damping: 0.5 }, Release::Force),

@@ -14,7 +14,7 @@ use flank::{
     scene::Scene,
     study::steady::{Rule, steady},
     system::{Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use proptest::prelude::*;
 use serde_json::json;
@@ -24,9 +24,9 @@ use crate::events::support::{Log, ball, engine, masses, modes, rigid, run, state
 /// C1. Dropped from h = 10 m with g = 9.81 and e = 0.8: at rest after `√(2h/g) (1 + e)/(1 − e)` = 12.850588 s.
 #[test]
 fn c1_a_ball_dropped_from_ten_metres_is_at_rest_when_the_series_says() {
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load: -9.81,
-        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[10.0], &[0.0], 1000.0);
     let exact = (20.0f64 / 9.81).sqrt() * 1.8 / 0.2;
@@ -59,7 +59,11 @@ fn c1_a_speed_below_which_impacts_may_be_summed_changes_no_end() {
     const EXACT: f64 = 8.146_592_328_645_091;
     let floor = Walls::Below { position: 0.0 };
     let motion = vec![Harmonic { omega: 5.0, amplitude: 0.05, phase: 0.0 }];
-    let s = walled(&Walled { load: -9.81, motion, ..Walled::new(1.0, floor, rigid(0.9), Stiffness::Constant(0.0)) });
+    let s = walled(&WalledOscillator {
+        load: -9.81,
+        motion,
+        ..WalledOscillator::new(1.0, floor, rigid(0.9), Stiffness::Constant(0.0))
+    });
     for chatter_speed in [0.0, 0.1, 2.0, 1e3] {
         let (mut log, options) = (Log::default(), Options { chatter_speed, ..Options::default() });
         engine(&s, state(&s, &[1.0], &[0.0]), options).run(s.clock().instant(8.2), &mut log).unwrap();
@@ -124,10 +128,10 @@ fn c1_a_forced_impact_oscillator_chatters_to_rest_and_lets_go_on_time() {
     let starts = [0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65].map(|start| (2.9, start));
     let mut rare = 0;
     for (omega, start) in [(2.7, 0.1)].into_iter().chain(starts) {
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             stiffness: 1.0,
             load_harmonics: vec![Harmonic { omega, amplitude: 1.0, phase: 0.0 }],
-            ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0))
+            ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0))
         });
         let mut log = Log::default();
         let mut ledger = Ledger::new(&s);
@@ -152,9 +156,9 @@ fn c1_a_forced_impact_oscillator_chatters_to_rest_and_lets_go_on_time() {
 /// where the multiplier cos t falls through zero; after that `x = cos t + t − π/2`.
 #[test]
 fn c2_chatter_to_rest_and_release_when_the_load_reverses() {
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load_harmonics: vec![Harmonic { omega: 1.0, amplitude: -1.0, phase: 0.0 }],
-        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[0.0], &[0.2], 3.0);
     let events = run.events();
@@ -172,9 +176,9 @@ fn c2_chatter_to_rest_and_release_when_the_load_reverses() {
 fn c3_the_smallest_load_on_a_flank_is_one_contact_and_not_thousands() {
     for (damping, most) in [(0.1, 1), (0.0, 40)] {
         let law = Law::KelvinVoigt(Linear { damping }, Release::Deflection);
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             load: 1e-18,
-            ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(1.0))
+            ..WalledOscillator::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(1.0))
         });
         let run = run(&s, &[1.0], &[0.0], 100.0);
         assert!(run.records.len() <= most, "damping {damping}: {} records", run.records.len());
@@ -185,7 +189,10 @@ fn c3_the_smallest_load_on_a_flank_is_one_contact_and_not_thousands() {
 
 fn damped(c: f64, k: f64, load: f64, gap: f64, release: Release) -> Structure {
     let law = Law::KelvinVoigt(Linear { damping: c }, release);
-    walled(&Walled { load, ..Walled::new(1.0, Walls::Above { position: gap }, law, Stiffness::Constant(k)) })
+    walled(&WalledOscillator {
+        load,
+        ..WalledOscillator::new(1.0, Walls::Above { position: gap }, law, Stiffness::Constant(k))
+    })
 }
 
 /// C4. Unit mass and stiffness, ζ = 0.1, struck with speed 1: no force after `2 arccos ζ/√(1 − ζ²)` = 2.956075, 0.148816
@@ -248,7 +255,8 @@ fn c4_an_extremely_stiff_damped_contact_neither_dies_nor_repeats_itself() {
 fn c4_a_contact_released_by_a_drop_of_stiffness_does_not_pull() {
     let law = Law::KelvinVoigt(Linear { damping: 46.0 }, Release::Force);
     let k = Stiffness::switched(vec![[1e-3, 0.0]], [1.0, 0.1]);
-    let s = walled(&Walled { load: 0.5, ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, k) });
+    let s =
+        walled(&WalledOscillator { load: 0.5, ..WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, k) });
     let (mut log, mut contacts) = (Log::default(), Contacts::new(&s, None));
     let mut engine = engine(&s, state(&s, &[50.0], &[-1.0]), Options::default());
     engine.run(s.clock().instant(5.0), &mut (&mut log, &mut contacts)).unwrap();
@@ -270,11 +278,11 @@ fn c4_a_contact_released_by_a_drop_of_stiffness_does_not_pull() {
 #[test]
 fn c4_a_force_that_falls_through_zero_at_the_origin_is_let_go_once() {
     for (stiffness, omega) in [(100.0, 1.7), (1e4, 1.7), (37.0, 0.9), (1e6, 2.3)] {
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             stiffness: 1.0,
             damping: 0.1,
             load_harmonics: vec![Harmonic { omega, amplitude: 1.0, phase: 0.0 }],
-            ..Walled::new(
+            ..WalledOscillator::new(
                 1.0,
                 Walls::Above { position: 0.0 },
                 Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Force),
@@ -451,10 +459,10 @@ proptest! {
         let schedule = drop.map_or(Stiffness::Constant(k), |low| {
             Stiffness::rectangular(k, k * 10f64.powf(low), 2.0 * PI / omega, 0.4, 0.01 / omega)
         });
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             load: power(load),
             load_harmonics: vec![Harmonic { omega, amplitude: power(force), phase: 0.3 }],
-            ..Walled::new(1.0, Walls::Above { position: gap }, law, schedule)
+            ..WalledOscillator::new(1.0, Walls::Above { position: gap }, law, schedule)
         });
         let mut engine = engine(&s, state(&s, &[gap], &[power(speed)]), Options { max_events: 4000, ..Options::default() });
         let end = s.clock().instant(20.0 * (1.0 + zeta) / k.sqrt());

@@ -15,7 +15,7 @@ use flank::{
     },
     integrate::IntegrateError,
     system::{Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use proptest::prelude::*;
 
@@ -33,9 +33,9 @@ fn elastic() -> Law {
 /// the spring of stiffness 1 holds it for `2 arctan v`: from `p″ = −1 − p`, `p(0) = 0`, `p′(0) = v`.
 #[test]
 fn a1_a_flight_that_just_reaches_the_back_flank_and_returns_is_two_events() {
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         load: 1.0,
-        ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0))
+        ..WalledOscillator::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0))
     });
     for exponent in 1..=12 {
         let depth = 10f64.powi(-exponent);
@@ -51,9 +51,9 @@ fn a1_a_flight_that_just_reaches_the_back_flank_and_returns_is_two_events() {
 /// A2. `x = sin t` below a flank at 1: ten touches at π/2 + 2πk in ten turns, no change of mode.
 #[test]
 fn a2_ten_exact_grazes_of_a_sine_are_ten_touches_and_no_contact() {
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         stiffness: 1.0,
-        ..Walled::new(1.0, Walls::Above { position: 1.0 }, ghost(), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Above { position: 1.0 }, ghost(), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[0.0], &[1.0], 20.0 * PI);
     assert_eq!((run.events().len(), run.counters.grazes, run.records.len()), (0, 10, 10));
@@ -93,9 +93,9 @@ fn a6_a_start_on_either_flank_is_decided_by_the_first_derivative_that_is_not_zer
         (1e-300, 1.0, Drive),
         (-1e-300, -1.0, Back),
     ] {
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             load,
-            ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0))
+            ..WalledOscillator::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0))
         });
         let run = run(&s, &[at], &[0.0], 0.1);
         assert_eq!((contact_mode(&run.records[0].to, 0), run.records.len()), (expected, 1), "{load} {at}");
@@ -106,9 +106,9 @@ fn a6_a_start_on_either_flank_is_decided_by_the_first_derivative_that_is_not_zer
 #[test]
 fn a6_a_load_that_only_begins_to_press_is_contact_from_the_start() {
     for (amplitude, expected) in [(1.0, Drive), (-1.0, Separated)] {
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             load_harmonics: vec![Harmonic::sine(1.0, amplitude, 0.0)],
-            ..Walled::new(1.0, Walls::Above { position: 1.0 }, elastic(), Stiffness::Constant(1.0))
+            ..WalledOscillator::new(1.0, Walls::Above { position: 1.0 }, elastic(), Stiffness::Constant(1.0))
         });
         let run = run(&s, &[1.0], &[0.0], 0.5);
         assert_eq!((contact_mode(&run.records[0].to, 0), run.records.len()), (expected, 1), "{amplitude}");
@@ -268,7 +268,7 @@ fn a10_a_guard_that_is_no_number_stops_the_run() {
 /// `x″ = 1e300 x` from the flank at 1 on, which is passed at t = 1: the growth rate 1e150 leaves every double at once.
 #[test]
 fn a10_a_force_beyond_all_numbers_stops_the_run_where_it_arises() {
-    let s = walled(&Walled::new(1.0, Walls::Above { position: 1.0 }, elastic(), Stiffness::Constant(-1e300)));
+    let s = walled(&WalledOscillator::new(1.0, Walls::Above { position: 1.0 }, elastic(), Stiffness::Constant(-1e300)));
     let (outcome, run) = attempt(&s, state(&s, &[0.0], &[1.0]), s.clock().instant(3.0));
     let t = not_finite(outcome, "force");
     assert!((t - 1.0).abs() <= 1e-9, "{t}");
@@ -278,9 +278,9 @@ fn a10_a_force_beyond_all_numbers_stops_the_run_where_it_arises() {
 /// A12. `x = sin t` through ½ ten times, the last at 8π + 5π/6: events are as good as the motion, to rounding.
 #[test]
 fn a12_the_tenth_crossing_is_as_accurate_as_the_first() {
-    let s = walled(&Walled {
+    let s = walled(&WalledOscillator {
         stiffness: 1.0,
-        ..Walled::new(1.0, Walls::Above { position: 0.5 }, ghost(), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Above { position: 0.5 }, ghost(), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[0.0], &[1.0], 28.0);
     assert_eq!(run.times().len(), 10);
@@ -296,10 +296,10 @@ fn a12_the_tenth_crossing_is_as_accurate_as_the_first() {
 #[test]
 fn a14_crossings_closer_than_the_rounding_of_time_stay_apart() {
     for (cycle, half) in [(0, 1e-8f64), (1_000_000_000, 1e-8), (1_000_000_000_000, 1e-6)] {
-        let s = walled(&Walled {
+        let s = walled(&WalledOscillator {
             load: -1.0,
             omega: Some(1.0),
-            ..Walled::new(1.0, Walls::Above { position: 0.0 }, ghost(), Stiffness::Constant(0.0))
+            ..WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, ghost(), Stiffness::Constant(0.0))
         });
         let at = s.clock().at(cycle, 0.5);
         // From the height half²/2 below the flank, upwards with √2 half: through at (√2 − 1) half, back at (√2 + 1) half.

@@ -14,14 +14,14 @@ use flank::{
         ContactView, Mode, VectorField,
     },
     system::{AssembleError, Spec, Structure, contact_mode, set_contact},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 
 use crate::events::support::{Log, engine, modes, run, state, walled};
 
 fn damped(zeta: f64, release: Release) -> Structure {
     let law = Law::KelvinVoigt(Linear { damping: 2.0 * zeta }, release);
-    walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1.0)))
+    walled(&WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1.0)))
 }
 
 /// The one contact of a free impact at speed `v`, and the extremes of its force.
@@ -73,10 +73,10 @@ fn d2_the_force_jumps_at_the_start_of_a_contact_and_not_before() {
 
 fn hertz(hysteresis: f64, speed_floor: f64, load: f64, waves: Vec<Harmonic>) -> Structure {
     let law = Law::Power(PowerLaw { exponent: Ratio { p: 3, q: 2 }, hysteresis, speed_floor, initial_speed: 1.0 });
-    walled(&Walled {
+    walled(&WalledOscillator {
         load,
         load_harmonics: waves,
-        ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1.0))
+        ..WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1.0))
     })
 }
 

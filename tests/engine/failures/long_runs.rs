@@ -10,7 +10,7 @@ use flank::{
     scene::Scene,
     study::steady::{Rule, Seed, Steady, steady},
     system::{Structure, contact_mode},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use serde_json::json;
 
@@ -145,10 +145,10 @@ fn f3_at_the_upper_grazing_frequency_contact_is_lost_without_a_jump() {
 
 /// `x″ + x = cos(ωt + φ)` on a rigid floor at 0, e = 0.8.
 fn hard(omega: f64, phase: f64) -> Structure {
-    walled(&Walled {
+    walled(&WalledOscillator {
         stiffness: 1.0,
         load_harmonics: vec![Harmonic { omega, amplitude: 1.0, phase }],
-        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0))
+        ..WalledOscillator::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0))
     })
 }
 

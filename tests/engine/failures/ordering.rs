@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use flank::{
-    analysis::{Kind, Ledger},
+    analysis::{EventKind, Ledger},
     gear::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release},
@@ -13,7 +13,7 @@ use flank::{
         GuardSet, HybridSystem, Jump, ModelError, Watch,
     },
     system::{AssembleError, Structure, contact_mode, guard_id, set_contact},
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use proptest::prelude::*;
 
@@ -115,7 +115,7 @@ fn b3_an_inelastic_collapse_at_one_instant_ends_in_rest() {
 #[test]
 fn b4_a_stiffness_step_next_to_the_contact_changes_nothing() {
     let k = Stiffness::switched(vec![[1.0, 0.0]], [1.0, 4.0]);
-    let s = walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, spring(0.0), k));
+    let s = walled(&WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, spring(0.0), k));
     for ulps in -8..=8 {
         let run = run(&s, &[-1.0 - f64::from(ulps) * f64::EPSILON], &[1.0], 4.0);
         assert_eq!(
@@ -136,8 +136,10 @@ fn b4_a_stiffness_step_next_to_the_contact_changes_nothing() {
 fn b5_a_stiffness_step_under_load_is_work_in_the_ledger() {
     for k in [4.0, 0.25] {
         let stiffness = Stiffness::switched(vec![[1.0, 0.0]], [1.0, k]);
-        let s =
-            walled(&Walled { load: 0.3, ..Walled::new(1.0, Walls::Above { position: 0.5 }, spring(0.1), stiffness) });
+        let s = walled(&WalledOscillator {
+            load: 0.3,
+            ..WalledOscillator::new(1.0, Walls::Above { position: 0.5 }, spring(0.1), stiffness)
+        });
         let mut ledger = Ledger::new(&s);
         engine(&s, state(&s, &[0.8], &[0.0]), Default::default()).run(s.clock().instant(9.0), &mut ledger).unwrap();
         let b = ledger.balance();
@@ -150,7 +152,8 @@ fn b5_a_stiffness_step_under_load_is_work_in_the_ledger() {
 /// B6. No edge leads from one flank to the other: a back flank that fires in drive contact is an error with names.
 #[test]
 fn b6_from_one_flank_to_the_other_there_is_no_edge() {
-    let s = walled(&Walled::new(1.0, Walls::Between { half_gap: 1e-3 }, spring(0.0), Stiffness::Constant(1.0)));
+    let s =
+        walled(&WalledOscillator::new(1.0, Walls::Between { half_gap: 1e-3 }, spring(0.0), Stiffness::Constant(1.0)));
     let mut from = Jump::default();
     set_contact(&mut from.mode, 0, Drive);
     let mut fired = GuardSet::default();
@@ -164,9 +167,9 @@ fn b6_from_one_flank_to_the_other_there_is_no_edge() {
 
 fn reversing(half_gap: f64) -> Structure {
     // 1 kg between flanks of 4e8 N/m, ω₀ = 2e4, forced at half that by 100 N: δ = 100/(3e8) m.
-    let wall = Walled {
+    let wall = WalledOscillator {
         load_harmonics: vec![Harmonic { omega: 1e4, amplitude: 100.0, phase: 0.0 }],
-        ..Walled::new(1.0, Walls::Between { half_gap }, spring(400.0), Stiffness::Constant(4e8))
+        ..WalledOscillator::new(1.0, Walls::Between { half_gap }, spring(400.0), Stiffness::Constant(4e8))
     };
     walled(&wall)
 }
@@ -204,7 +207,7 @@ fn b7_a_picometre_of_backlash_is_crossed_in_two_events_each_way() {
 /// B7. One flank needs no gap: a wall at the rest position.
 #[test]
 fn b7_one_flank_without_a_gap_is_as_good_as_any() {
-    let s = walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, spring(0.0), Stiffness::Constant(1.0)));
+    let s = walled(&WalledOscillator::new(1.0, Walls::Above { position: 0.0 }, spring(0.0), Stiffness::Constant(1.0)));
     let run = run(&s, &[-1.0], &[1.0], 6.0);
     assert!((run.times()[1] - run.times()[0] - PI).abs() <= 8.0 * f64::EPSILON, "{:?}", run.times());
     assert_eq!(contact_mode(&run.state.jump.mode, 0), Separated);
@@ -228,8 +231,9 @@ fn b1_equal_contacts_that_hold_each_other_all_have_the_impact() {
     let run = flank::Simulation::from_file(file).unwrap().run().unwrap();
     let mut shared = 0;
     for event in &run.events {
-        let impacts =
-            |mesh: &str| event.contacts.iter().filter(|c| c.name.starts_with(mesh) && c.kind == Kind::Impact).count();
+        let impacts = |mesh: &str| {
+            event.contacts.iter().filter(|c| c.name.starts_with(mesh) && c.kind == EventKind::Impact).count()
+        };
         let (sun, ring) = (impacts("sun"), impacts("ring"));
         assert!([0, 3].contains(&sun) && [0, 3].contains(&ring), "{event:?}");
         shared += usize::from(sun > 0 && ring > 0);

@@ -12,7 +12,7 @@ use flank::{
     hybrid::{HybridSystem, Mode},
     scene::Scene,
     system::Structure,
-    train::{Walled, Walls},
+    train::{WalledOscillator, Walls},
 };
 use serde_json::{Value, json};
 
@@ -91,7 +91,7 @@ fn g2_modes_are_told_in_the_words_of_the_train() {
 #[test]
 fn g2_a_run_that_dies_names_the_contacts_and_the_time() {
     let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
-    let s = walled(&Walled::new(1.0, Walls::Above { position: 1.0 }, law, Stiffness::Constant(-1e300)));
+    let s = walled(&WalledOscillator::new(1.0, Walls::Above { position: 1.0 }, law, Stiffness::Constant(-1e300)));
     let (outcome, run) = attempt(&s, state(&s, &[0.0], &[1.0]), s.clock().instant(3.0));
     let text = outcome.unwrap_err().to_string();
     assert!(text.contains("wall drive") && text.contains("t = 1"), "{text}");

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use flank::{
-    analysis::{Contacts, EventLog, EventRow, Grid, Kind, Trajectory},
+    analysis::{Contacts, EventKind, EventLog, EventRow, Grid, Trajectory},
     gear::{
         Stiffness,
         contact::{Law, Linear, Release},
@@ -43,7 +43,7 @@ fn rows_have_the_kinds_times_and_velocities_of_reference_runs() {
         let events: Vec<_> = rows(&case)
             .into_iter()
             .flat_map(|row| row.contacts.clone().into_iter().map(move |c| (row.seconds, c)))
-            .filter(|(_, c)| c.kind != Kind::Clear)
+            .filter(|(_, c)| c.kind != EventKind::Clear)
             .collect();
         for (i, kind) in want["kinds"].as_array().unwrap().iter().enumerate() {
             let (t, event) = &events[i];
@@ -63,12 +63,12 @@ fn rigid_rows_tell_impacts_rest_and_release() {
         for expected in want["events"].as_array().unwrap() {
             let (kind, t) = (&expected[1], number(&expected[0]));
             let (seconds, event) = events
-                .find(|(_, c)| name == "rattle" || c.kind != Kind::Impact)
+                .find(|(_, c)| name == "rattle" || c.kind != EventKind::Impact)
                 .unwrap_or_else(|| panic!("{name}: {expected}"));
             assert_eq!(serde_json::to_value(event.kind).unwrap(), *kind);
             assert_eq!(Some(event.mesh as u64), expected[2].as_u64());
             assert!((seconds - t).abs() < 1e-10, "{name}: {seconds} for {t}");
-            if event.kind == Kind::Impact {
+            if event.kind == EventKind::Impact {
                 assert!((event.velocity - number(&expected[3])).abs() < 1e-12);
                 assert_eq!(event.restitution_free, Some(0.7));
             }
@@ -84,8 +84,8 @@ fn a_flank_released_by_force_is_cleared_later() {
     let stiffness = Stiffness::Constant(omega * omega);
     let spec = trains::single(0.0, 0.0, None, vec![ContactSpec { law, stiffness, ..trains::mesh(&[1.0]) }]);
     let all = rows(&Case { spec, q: vec![0.7], v: vec![0.3], end: 2.0 });
-    let kinds: Vec<Kind> = all.iter().map(|r| r.contacts[0].kind).collect();
-    assert_eq!(kinds, [Kind::DriveContact, Kind::Separation, Kind::Clear]);
+    let kinds: Vec<EventKind> = all.iter().map(|r| r.contacts[0].kind).collect();
+    assert_eq!(kinds, [EventKind::DriveContact, EventKind::Separation, EventKind::Clear]);
     assert!((all[2].seconds - all[1].seconds - 2.0 * zeta / omega).abs() < 1e-14);
     let released = &all[1].contacts[0];
     assert_eq!((released.from, released.to), ("drive", "drive-detached"));

@@ -8,7 +8,7 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release},
     },
-    hybrid::{ContactView, HybridSystem, Mode, Power, PowerBalance, SAMPLES, Shown},
+    hybrid::{ContactView, HybridSystem, Mode, Power, PowerBalance, SAMPLES, StepQuantity},
     integrate::{DenseStep, Taylor},
     poly::eval,
     system::{ContactSpec, Spec, Structure},
@@ -19,7 +19,7 @@ use super::trains::{self, Case, mesh, rigid};
 
 /// What a step is asked for.
 enum Asked {
-    Row(Shown),
+    Row(StepQuantity),
     Sample(Power),
 }
 
@@ -56,11 +56,11 @@ impl Observer for Compare<'_> {
             for j in 0..s.contact_count() {
                 compare(
                     0,
-                    Asked::Row(Shown::Deflection(j)),
+                    Asked::Row(StepQuantity::Deflection(j)),
                     ContactView::deflection(s, j, s.contact_mode(j, mode).side(), at, &x).0,
                 );
-                compare(1, Asked::Row(Shown::Transmission(j)), s.transmission(j, &x));
-                compare(2, Asked::Row(Shown::Force(j)), s.force(j, mode, at, &x));
+                compare(1, Asked::Row(StepQuantity::Transmission(j)), s.transmission(j, &x));
+                compare(2, Asked::Row(StepQuantity::Force(j)), s.force(j, mode, at, &x));
                 compare(3, Asked::Sample(Power::Loss(j)), s.dissipation(j, mode, at, &x));
             }
             let powers = s.powers(mode, at, &x);

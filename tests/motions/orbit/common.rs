@@ -6,7 +6,7 @@ use flank::{
     Simulation, Task,
     branch::{Continuation, Family},
     gear::{Stiffness, contact::Law},
-    map::{Plane, Rule},
+    map::{CellRule, Plane},
     orbit::{Orbit, Search, SectionMap},
     scene::Scene,
     simulation::Parameter,
@@ -145,7 +145,7 @@ fn maps_and_branches_take_orders_below_one() {
     let plane = Plane::new(scene.clone(), &axes).unwrap();
     for cell in 0..4 {
         let simulation = plane.simulation(cell).unwrap();
-        let decided = Rule::default().decide(&simulation, simulation.start().unwrap(), Task::default()).unwrap();
+        let decided = CellRule::default().decide(&simulation, simulation.start().unwrap(), Task::default()).unwrap();
         assert_eq!(decided.unwrap().motion.period, Some(1));
     }
     let parameter = Parameter::new(scene.resolved(), &["/train/torque_nm"]).unwrap();

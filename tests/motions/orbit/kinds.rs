@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use flank::{
     Task,
-    orbit::{Kind, Motion},
+    orbit::{Motion, MotionKind},
     scene::Scene,
     study::steady::{Rule, steady},
 };
@@ -58,7 +58,7 @@ fn a_free_vibration_is_quasi_periodic() {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let free = Wall { damping: 0.0, load: -1.0, force: [0.1, golden], restitution: 0.8, start: [-0.9, 0.0] };
     let motion = free.motion();
-    assert_eq!(motion.kind, Kind::QuasiPeriodic, "{motion:?}");
+    assert_eq!(motion.kind, MotionKind::QuasiPeriodic, "{motion:?}");
     // Weighted averages over 1000 cycles and more: what is left is rounding.
     assert!((motion.rotation.unwrap() - 1.0 / (golden * golden)).abs() <= 1e-12, "{motion:?}");
     assert_eq!(motion.period, None);
@@ -69,7 +69,7 @@ fn a_free_vibration_is_quasi_periodic() {
 fn a_positive_exponent_is_chaos() {
     let scene = Scene::from_file("examples/scenes/W1a-ch.json").unwrap();
     let motion = steady(scene, None, &Rule::default(), Task::default()).unwrap().motion;
-    assert_eq!(motion.kind, Kind::Chaotic, "{motion:?}");
+    assert_eq!(motion.kind, MotionKind::Chaotic, "{motion:?}");
     let [exponent, band] = motion.exponent.unwrap();
     assert!((exponent - 0.0754).abs() <= 5.0 * band && exponent > 3.0 * band, "{motion:?}");
 }
@@ -85,7 +85,7 @@ fn rest_ends_in_a_long_period() {
         start: [-0.448_699, 0.008_614_95],
     };
     let motion = rests.motion();
-    assert_eq!((motion.kind, motion.period), (Kind::Periodic, Some(10)), "{motion:?}");
+    assert_eq!((motion.kind, motion.period), (MotionKind::Periodic, Some(10)), "{motion:?}");
     assert!(motion.word.as_ref().unwrap().contains('z') && motion.multiplier == Some(0.0), "{motion:?}");
 }
 
@@ -93,7 +93,7 @@ fn rest_ends_in_a_long_period() {
 #[test]
 fn late_orbits_are_found() {
     let late = pair(0.006_180_69, 0.072_316_5, [0.189_187, 1.035_11], [1.450_1, -0.121_543]);
-    assert_eq!((late.kind, late.period), (Kind::Periodic, Some(4)), "{late:?}");
+    assert_eq!((late.kind, late.period), (MotionKind::Periodic, Some(4)), "{late:?}");
     let late = Wall {
         damping: 0.012_492_6,
         load: 0.018_031_4,
@@ -102,7 +102,7 @@ fn late_orbits_are_found() {
         start: [-0.497_965, -0.057_603_2],
     };
     let late = late.motion();
-    assert_eq!((late.kind, late.period), (Kind::Periodic, Some(16)), "{late:?}");
+    assert_eq!((late.kind, late.period), (MotionKind::Periodic, Some(16)), "{late:?}");
 }
 
 /// A constant push without drag, or resonance without damping: no steady motion.
@@ -121,11 +121,11 @@ fn motions_that_leave_are_transient() {
         }))
     };
     let accelerates = free(0.3, 0.0, 1.0);
-    assert_eq!(accelerates.kind, Kind::Transient);
+    assert_eq!(accelerates.kind, MotionKind::Transient);
     assert!(accelerates.reason.unwrap().contains("accelerates for ever"));
     // At resonance the amplitude grows by π a cycle: no exponent, and no averages.
     let grows = free(0.0, 1.0, 1.0);
-    assert_eq!(grows.kind, Kind::Transient, "{grows:?}");
+    assert_eq!(grows.kind, MotionKind::Transient, "{grows:?}");
     assert!(grows.reason.unwrap().contains("still grows"));
 }
 
@@ -136,6 +136,6 @@ fn an_unstable_symmetric_orbit_is_left() {
         serde_json::from_str(&std::fs::read_to_string("examples/scenes/reference-light.json").unwrap()).unwrap();
     scene["train"]["speed_rpm"] = json!(700.0);
     let motion = motion(scene);
-    assert_eq!(motion.kind, Kind::Periodic, "{motion:?}");
+    assert_eq!(motion.kind, MotionKind::Periodic, "{motion:?}");
     assert!(motion.multiplier.unwrap() < 1.0 && motion.cycles > 100, "{motion:?}");
 }

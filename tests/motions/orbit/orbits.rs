@@ -2,13 +2,13 @@
 
 use flank::{
     Simulation, Task,
-    orbit::{Found, Search, SectionMap},
+    orbit::{Search, SearchResult, SectionMap},
 };
 use serde_json::json;
 
 use super::open;
 
-fn found(simulation: &Simulation, search: Search) -> Found {
+fn found(simulation: &Simulation, search: Search) -> SearchResult {
     search.run(simulation, Task::default()).unwrap()
 }
 

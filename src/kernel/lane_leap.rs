@@ -6,11 +6,11 @@ use super::{
     SMALL_STRETCH,
     guards::ROUNDING,
     lane::Lane,
-    leap::{AFRESH, Given, Guard, SHORTEST, first_fall},
+    leap::{AFRESH, Guard, SHORTEST, SpanStart, first_fall},
     propagator::{Component, Input, MOST_ANGLES, MOST_TERMS, Propagator, SHORT},
 };
 use crate::{
-    poly::{self, Pattern, Place, Row},
+    poly::{self, BernsteinBasis, Pattern, Row},
     system::{Columns, Watch, Wave, dot},
     vectors::Path,
 };
@@ -31,7 +31,7 @@ pub(super) struct Bound {
 }
 
 /// Result of a leap.
-pub(super) struct Stride {
+pub(super) struct LeapEnd {
     /// Duration, s.
     pub time: f64,
     pub x: [f64; 2],
@@ -48,19 +48,19 @@ impl Lane<'_> {
     /// Makes a leap from the current point as [`Propagator::leap`], without the data that only an engine needs. After an impact,
     /// `rebound` receives the derivatives after it.
     #[inline(always)]
-    pub(super) fn stride<P: Path>(
+    pub(super) fn leap<P: Path>(
         &self,
         path: P,
         by: &Propagator,
         to: Bound,
         rebound: Option<&mut Derivatives>,
         columns: Option<&mut Columns>,
-    ) -> Option<Stride> {
-        let Self { structure: s, gaits, stand, waves: oscillators, .. } = self;
-        let motion = &gaits[stand.gait].motion;
-        let (x, c) = (&stand.x[..], &s.contacts[0]);
+    ) -> Option<LeapEnd> {
+        let Self { structure: s, modes, state, waves: oscillators, .. } = self;
+        let motion = &modes[state.mode].motion;
+        let (x, c) = (&state.x[..], &s.contacts[0]);
         let size = s.deflection_size(c, x);
-        let given = Given { at: stand.at, x, size, zeros: stand.zeros, carried: stand.carried };
+        let given = SpanStart { at: state.at, x, size, zeros: state.zeros, carried: state.carried };
         let wave = |w: &[Wave]| {
             w.iter().fold(0.0, |sum, w| sum + w.cosine * oscillators[w.index][0] + w.sine * oscillators[w.index][1])
         };
@@ -72,7 +72,7 @@ impl Lane<'_> {
             (start.stretch, start.error) = (motion.forceless(0, given.at, stretch, error, rate), error);
         }
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
-        by.weigh(path, motion, (stand.at, x), (&[start.stretch], oscillators), &mut z);
+        by.weigh(path, motion, (state.at, x), (&[start.stretch], oscillators), &mut z);
         let z = &z[..];
         let deflection: (Row<P, FOURS>, f64) = (by.rows[0].columns.combine(path, z), by.rows[0].error(z));
         let mut force: Option<(Row<P, FOURS>, f64)> = None;
@@ -110,7 +110,7 @@ impl Lane<'_> {
         if to.is_switch && fall.is_some() && to.span - time <= BEFORE_SWITCH * time {
             return None;
         }
-        let place: Place<P, FOURS> = Place::new(path, end);
+        let place: BernsteinBasis<P, FOURS> = BernsteinBasis::new(path, end);
         let weight = end * place.weight();
         let added = |row: &Row<P, FOURS>| weight * place.value(path, row);
         let mut after = [0.0; 2];
@@ -126,7 +126,7 @@ impl Lane<'_> {
         if let Some(columns) = columns {
             // The derivative of the leap, `∂x(end)/∂x(start)`.
             let mut angles = [0.0; MOST_ANGLES];
-            by.angles(path, motion, stand.at, &mut angles);
+            by.angles(path, motion, state.at, &mut angles);
             let mut flow = [[1.0, 0.0], [0.0, 1.0]];
             for (flow, columns) in flow.iter_mut().zip(&by.state) {
                 let columns = match columns {
@@ -159,7 +159,7 @@ impl Lane<'_> {
                 carried = stretch;
             }
         }
-        Some(Stride {
+        Some(LeapEnd {
             time,
             x: after,
             falls: fall.map(|fall| (numbers[fall.index], fall.error)),
