@@ -451,13 +451,8 @@ impl Propagator {
             for ((watched, line), row) in motion.guards.iter().zip(&lines).zip(&self.guards) {
                 let added = line.sign * gained[*row];
                 let (value, terms) = (line.start + added, line.start.abs() + added.abs());
-                leap.ends.push(GuardValue {
-                    guard: watched.id,
-                    value,
-                    error: line.error,
-                    terms,
-                    ..GuardValue::default()
-                });
+                let (guard, error) = (watched.id, line.error);
+                leap.ends.push(GuardValue { guard, value, error, terms, ..GuardValue::default() });
             }
         }
         true

@@ -103,7 +103,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
     (
         "tangent",
         &[
-            ("analysis", Only(&["Rule"])),
+            ("analysis", Only(&["Quadrature"])),
             ("engine", All),
             ("event", Only(&["EventRecord"])),
             ("hybrid", All),
@@ -198,21 +198,21 @@ const BUDGET: usize = 400;
 
 /// Lines that a room may have, comments included: its size of today, so that growth is a decision.
 const ROOMS: &[(&str, usize)] = &[
-    ("accuracy", 2600),
+    ("accuracy", 2610),
     ("analysis", 2480),
     ("baseline", 1500),
-    ("branch", 3060),
-    ("cli", 4320),
-    ("engine", 2080),
+    ("branch", 3080),
+    ("cli", 4330),
+    ("engine", 2100),
     ("ensemble", 150),
     ("event", 350),
     ("gear", 1530),
     ("hybrid", 1570),
     ("import", 2790),
     ("integrate", 1800),
-    ("kernel", 8040),
+    ("kernel", 8060),
     ("linalg", 200),
-    ("map", 3440),
+    ("map", 3450),
     ("orbit", 4340),
     ("output", 590),
     ("plot", 2440),
