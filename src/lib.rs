@@ -51,8 +51,8 @@
 //! # What it is not
 //!
 //! Flank is no multibody program: structures are linear, directions of contact constant, speeds given. It is no tooth contact analysis:
-//! stiffness and error are input. It has no friction, and no regularised contact, because a penalty method has no events. It prints nothing
-//! and reads no clock; the same input gives the same numbers.
+//! stiffness and error are input. It has no friction, and no regularised contact, because a penalty method has no events. It prints nothing,
+//! and no number depends on a clock; the same input gives the same numbers.
 #![warn(missing_docs)]
 
 pub mod accuracy;
