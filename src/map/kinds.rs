@@ -31,11 +31,11 @@ type Values = Vec<Option<f64>>;
 /// Map over two numbers of a scene: in each cell the motion from the scene's start.
 ///
 /// ```no_run
-/// use flank::{Task, map::{KindMap, Rule}, scene::Scene, sweep::{Begin, Share}};
+/// use flank::{Task, map::{CellRule, KindMap}, scene::Scene, sweep::{Begin, Share}};
 ///
 /// let scene = Scene::from_file("examples/scenes/kahraman-singh.json")?;
 /// let axes = ["/train/transmission_error/0/frequency=0.4:2:50", "/train/mean_load=0.02:0.3:50"];
-/// let map = KindMap::new(scene, &axes, Rule::default(), &["apart_fraction"])?;
+/// let map = KindMap::new(scene, &axes, CellRule::default(), &["apart_fraction"])?;
 /// let mut lines = map.open("map".as_ref(), Begin::New, Share::ALL)?.expect("a new map is open");
 /// map.run(&mut lines, Task::default())?;
 /// let tally = map.finish(lines, |_, _| Ok(()))?;

@@ -7,10 +7,10 @@
 //! The final files depend on the plan and the work alone: neither on the number of threads nor on the number of interruptions.
 //!
 //! ```
-//! use flank::{Task, sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, run}};
+//! use flank::{Task, sweep::{Begin, Ending, Grid, Journal, Plan, RowWork, Seeding, run}};
 //!
 //! // Where Newton's method for x² = a ends, each time started from the root before.
-//! let newton = |cell: &Cell, seed: Option<&f64>| -> Result<(f64, f64), String> {
+//! let newton = |cell: &RowWork, seed: Option<&f64>| -> Result<(f64, f64), String> {
 //!     let x = (0..60).fold(*seed.unwrap_or(&1.0), |x, _| (x + cell.values[0] / x) / 2.0);
 //!     Ok((x, x))
 //! };
