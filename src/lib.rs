@@ -45,8 +45,8 @@
 //! | [`sweep`] | the same work at every point of a grid, stored row by row |
 //! | [`study`] | steady motions, their dependence on parameters of a scene, identification of such parameters |
 //!
-//! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and user-defined fields) and `plot` (pictures; part
-//! of `cli`), all on by default. Without them the library has only Taylor series and Radau steps.
+//! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and user-defined fields), `import` (gearbox files)
+//! and `plot` (pictures), the last two parts of `cli`, all on by default. Without them the library has only Taylor series and Radau steps.
 //!
 //! # What it is not
 //!

@@ -165,7 +165,7 @@ impl Contender {
         }
     }
 
-    /// Largest `h ω` at which a fixed-step method is stable: see [`Method::stability_limit`].
+    /// Returns the largest `h ω` at which a fixed-step method is stable: see [`Method::stability_limit`].
     pub(super) fn stability_limit(&self) -> Option<f64> {
         if let SolverKind::Fixed(method) = self.kind { method.stability_limit() } else { None }
     }

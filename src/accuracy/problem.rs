@@ -24,7 +24,7 @@ pub struct Problem<'s> {
     pub cycles: u64,
 }
 
-/// Most cycles of a problem for which no number is given.
+/// Maximum number of cycles of a problem for which no number is given.
 const CYCLES: u64 = 50;
 
 impl<'s> Problem<'s> {

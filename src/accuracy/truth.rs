@@ -157,7 +157,7 @@ impl Truth {
     }
 }
 
-/// Largest shift of event times, periods, over the first `cycles`; none if the sequences differ.
+/// Returns the largest shift of event times, periods, over the first `cycles`; none if the sequences differ.
 fn shift(problem: &Problem<'_>, found: &[Crossing], other: &[Crossing], cycles: u64) -> Option<f64> {
     let (matched, missed, spurious) = pairs(found, other, problem.period, cycles as f64 * problem.period);
     let worst = matched.iter().fold(0.0, |m: f64, (a, b)| m.max((a.t - b.t).abs()));

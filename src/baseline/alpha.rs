@@ -45,7 +45,7 @@ impl Alpha {
     }
 }
 
-/// Most Newton iterations of a step; more count as unconverged.
+/// Maximum number of Newton iterations of a step; more count as unconverged.
 const MOST: u32 = 40;
 /// Newton's correction of a deflection at which the iteration stops, relative to its size, its change in a step and the backlash.
 const TOLERANCE: f64 = 1e-14;

@@ -87,7 +87,7 @@ impl Penalty {
     /// Runs `method` on `grid` from `q`, `v`, `[n]` each.
     ///
     /// # Errors
-    /// [`Diverged`] as soon as a coordinate or a velocity is not finite.
+    /// [`Divergence`] as soon as a coordinate or a velocity is not finite.
     pub fn drive(
         &self,
         method: Method,

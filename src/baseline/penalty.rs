@@ -108,7 +108,7 @@ impl StepPoint {
     }
 }
 
-/// Contact at a [`Point`].
+/// Contact at a [`StepPoint`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Touch {
     /// Deflection and its rate, m, m/s.
@@ -234,7 +234,7 @@ impl Penalty {
         (drive.0 - back.0, drive.1 + back.1, drive.2 + back.2)
     }
 
-    /// Returns the same on one flank, by its penetration and the rate of that.
+    /// Returns force and derivatives on one flank, by its penetration and the rate of that.
     #[inline(always)]
     fn one_flank(&self, law: &Law, k: f64, p: f64, rate: f64, latch: f64) -> (f64, f64, f64) {
         let [depth, closed, curvature] = self.ramp.at(p);

@@ -194,7 +194,7 @@ impl Course {
     /// [`SimulationError`] if the run fails.
     pub fn new(map: &SectionMap<'_>, section: &Section, period: u64) -> Result<Self, SimulationError> {
         let structure = &map.simulation().structure;
-        let mut speller = WordObserver::new(structure, &section.x);
+        let mut words = WordObserver::new(structure, &section.x);
         let mut lowest = MinimumSearch {
             structure,
             x: section.x.clone(),
@@ -205,15 +205,15 @@ impl Course {
             ends: Vec::new(),
             starts: Vec::new(),
         };
-        map.watch(section, period, &mut (&mut speller, &mut lowest))?;
+        map.watch(section, period, &mut (&mut words, &mut lowest))?;
         lowest.close();
         let clock = structure.clock();
         let (start, length) = (map.at(0), map.simulation().period()?);
         let cycles =
             |rest: &Rest| Rest { remaining: rest.remaining / length, uncertainty: rest.uncertainty / length, ..*rest };
         let rests = lowest.rests.iter().map(cycles).collect();
-        let times = speller.letters.iter().map(|letter| clock.between(start, letter.at) / length).collect();
-        Ok(Self { letters: speller.letters, times, lows: lowest.lows, rests })
+        let times = words.letters.iter().map(|letter| clock.between(start, letter.at) / length).collect();
+        Ok(Self { letters: words.letters, times, lows: lowest.lows, rests })
     }
 
     /// Returns the tokens in order of time; those of one instant in alphabetic order.

@@ -3,7 +3,7 @@
 use super::node::{Direction, Guess, Node, Place, Plane, Solver, Spot};
 use crate::orbit::Section;
 
-/// Most orbits solved for.
+/// Maximum number of orbits solved for.
 const MOST: usize = 40;
 /// Halvings of a step that is too long for the function of a special point.
 const HALVINGS: usize = 8;

@@ -2,7 +2,7 @@
 //!
 //! A [`Continuation`] starts from the orbit at the scene's own value and goes both ways, by steps of arc length (Keller 1977), through
 //! folds and along unstable parts. Each step is solved with the exact derivative of the period by state and number. Between two points of a
-//! branch the tests of [`Kind`] say what has been passed; it is then located as the orbit at which its test is zero.
+//! branch the tests of [`SpecialKind`] say what has been passed; it is then located as the orbit at which its test is zero.
 
 mod behind;
 mod course;

@@ -13,7 +13,7 @@ use crate::{
 
 /// Distance of an orbit's ends that rounding of some ten arcs a cycle leaves, in scales.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
-/// Most Newton steps.
+/// Maximum number of Newton steps.
 const STEPS: usize = 14;
 /// Residual, in scales, below which a point counts.
 const CLOSED: f64 = 1e-9;

@@ -17,7 +17,7 @@ use crate::{
     task::{Progress, Task},
 };
 
-/// Most points of a branch in one direction.
+/// Maximum number of points of a branch in one direction.
 const OF_BRANCH: usize = 600;
 /// Approximate limits of cycles that are run with their derivative: for the points of a branch in one direction, for the special ones among
 /// them, and for all branches.
@@ -206,7 +206,7 @@ impl Solver<'_> {
         self.point_at(node, &node.orbit.section, node.value)
     }
 
-    /// Returns the same, with another section and value than those of the node.
+    /// Returns a point for output, with another section and value than those of the node.
     fn point_at(&self, node: &Node, section: &Section, value: f64) -> Option<BranchPoint> {
         let simulation = self.family.train([value, node.second]).ok()?;
         let map = SectionMap::new(&simulation).ok()?;

@@ -26,7 +26,7 @@ pub(super) const SLACK: f64 = 1e-9;
 const JUMPS: [SpecialKind; 3] = [SpecialKind::GrazingRigid, SpecialKind::GrazingDamped, SpecialKind::Stick];
 /// Residual above which a graze, or a coincidence, is searched for from both sides.
 const WELL: f64 = 1e-12;
-/// Most stays and speeds that are tried as the vanishing value of a graze, the shortest first.
+/// Maximum number of stays and speeds that are tried as the vanishing value of a graze, the shortest first.
 const CANDIDATES: usize = 3;
 /// Limits at the end of a branch: least size of a vanishing value at the orbit from which the limit is taken, and longest way, relative to
 /// that to the last orbit.

@@ -23,7 +23,7 @@ use super::{
     work::{self, LongWork, Merge, Points, stem},
 };
 
-/// Most attractors in the printed table.
+/// Maximum number of attractors in the printed table.
 const MOST: usize = 20;
 
 /// Arguments of `flank basins`.

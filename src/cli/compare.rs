@@ -20,13 +20,13 @@ pub struct CompareArguments {
     /// Write compare.json, compare.csv, timing.json, charts and report.html into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Most cycles to compare over; the scene's own, but not more than 50, if left out
+    /// Maximum number of cycles to compare over; the scene's own, but not more than 50, if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     cycles: Option<u64>,
     /// Largest growth of errors in the window
     #[arg(long, value_name = "X", default_value_t = 1e3, value_parser = growth)]
     growth: f64,
-    /// Most steps of one run
+    /// Maximum number of steps of one run
     #[arg(long, value_name = "N", default_value_t = 2_000_000)]
     most_steps: u64,
     /// Timed repetitions of each run

@@ -32,7 +32,7 @@ use super::{
 const TABLE: &str = "branches.csv";
 const SPECIAL: &str = "special.csv";
 const CURVES: &str = "curves.csv";
-/// Most characters of a word in the printed table: eight events.
+/// Maximum number of characters of a word in the printed table: eight events.
 const LONGEST: usize = 31;
 /// Name of the checkpoint file, from which `--resume` goes on.
 const STATE: &str = "continue.json";

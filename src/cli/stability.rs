@@ -6,7 +6,7 @@ use flank::{
     Simulation,
     accuracy::{
         Contender, SolverKind,
-        stability::{LongRule, Map, MapPlan, Reference},
+        stability::{LongRunRule, Map, MapPlan, Reference},
     },
     output::Fault,
     train::Quantity,
@@ -35,8 +35,8 @@ pub struct StabilityArguments {
     /// Steps a cycle: FROM:TO:COUNT[:log], made odd, so that no change of stiffness falls on a step by chance; or V1,V2,…
     #[arg(long, value_name = "AXIS", default_value = "5:10000:15:log")]
     steps: String,
-    /// Most cycles of a run
-    #[arg(long, value_name = "N", default_value_t = LongRule::default().cycles, value_parser = clap::value_parser!(u64).range(10..=100_000))]
+    /// Maximum number of cycles of a run
+    #[arg(long, value_name = "N", default_value_t = LongRunRule::default().cycles, value_parser = clap::value_parser!(u64).range(10..=100_000))]
     cycles: u64,
     /// Folder of report.html, stability.json, stability.csv and the figure
     #[arg(long, value_name = "DIR")]
@@ -69,7 +69,7 @@ enum Abscissa {
 const USED: [(f64, &str); 2] = [(1e-5, "1e-5 s"), (1e-6, "1e-6 s")];
 /// Methods of which a map can be made.
 const FIXED: [&str; 6] = ["rk4", "newmark", "hht", "generalized-alpha", "euler", "verlet"];
-/// Most cells of a map.
+/// Maximum number of cells of a map.
 const MOST: usize = 100_000;
 
 /// Makes the map.
@@ -159,7 +159,7 @@ fn plan(arguments: &StabilityArguments, simulation: &Simulation, period: f64) ->
     let thousand = Reference { name: "1000 steps".to_owned(), steps_per_cycle: 1000 };
     let references =
         std::iter::once(thousand).chain(used).filter(|r| (4..=most).contains(&r.steps_per_cycle)).collect();
-    let rule = LongRule { cycles: arguments.cycles, ..LongRule::default() };
+    let rule = LongRunRule { cycles: arguments.cycles, ..LongRunRule::default() };
     Ok(MapPlan { over, factors, steps, methods, references, rule })
 }
 

@@ -51,7 +51,7 @@ pub struct SweepArguments {
     /// Largest relative distance between the ends of an orbit [default: 1e-9]
     #[arg(long, value_name = "REL", value_parser = tolerance)]
     tolerance: Option<f64>,
-    /// Most cycles of the search for an orbit [default: 400]
+    /// Maximum number of cycles of the search for an orbit [default: 400]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     max_cycles: Option<u64>,
     /// Cycles measured [default: 4 of a periodic motion, 200 of any other; always whole periods]

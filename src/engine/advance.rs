@@ -6,7 +6,7 @@ use super::{
     EngineError, Observer, Outcome, lane,
     leap::Leaps,
     state::{Counters, Options, State, WideState},
-    visit::{ArcEnd, ArcSpan, Arrival, Core, StepsToRepeat},
+    visit::{ArcEnd, ArcSpan, Arrival, Core, StepsBeforeRepeat},
 };
 use crate::{
     hybrid::{FULL_PRECISION, GuardSet, HybridSystem, Instant, JetField, Lane, Mode},
@@ -179,7 +179,7 @@ impl<'s> Engine<'s> {
         let again = core.again.take();
         core.is_again = again.is_some();
         let mut before = again.as_ref().map_or_else(EarlierSteps::default, |again| {
-            let StepsToRepeat { steps, extent, left_out } = again;
+            let StepsBeforeRepeat { steps, extent, left_out } = again;
             EarlierSteps { steps: *steps, extent, left_out: *left_out }
         });
         if let Some(motion) = motion.as_deref().filter(|_| known.leaps && !core.is_again && core.summed.is_none()) {

@@ -31,7 +31,7 @@ pub(super) struct Core<'s> {
     /// Point at which the current arc was left; its mode has no meaning.
     pub left: WideState,
     /// Data of the arc before a step that has to be repeated.
-    pub again: Option<StepsToRepeat>,
+    pub again: Option<StepsBeforeRepeat>,
     /// True if the current arc continues from such a step.
     pub is_again: bool,
     /// Sum of an impact sequence that the first step of the motion at rest has to confirm.
@@ -48,8 +48,8 @@ pub(super) struct SequenceSum {
     pub remaining: f64,
 }
 
-/// Steps of an arc before one of them is repeated: see [`Before`](crate::integrate::Before).
-pub(super) struct StepsToRepeat {
+/// Steps of an arc before a step that is repeated: see [`EarlierSteps`].
+pub(super) struct StepsBeforeRepeat {
     pub steps: u32,
     pub extent: Vec<f64>,
     pub left_out: [f64; 2],
@@ -144,7 +144,7 @@ impl Core<'_> {
         }
         if located.as_ref().is_some_and(|located| self.is_loose(step, located)) {
             let EarlierSteps { steps, extent, left_out } = step.before();
-            self.again = Some(StepsToRepeat { steps, extent: extent.to_vec(), left_out });
+            self.again = Some(StepsBeforeRepeat { steps, extent: extent.to_vec(), left_out });
             self.leave(step, 0.0);
             return Ok(Some(ArcEnd::Again));
         }

@@ -57,7 +57,7 @@ impl Curve {
         Self { places, values }
     }
 
-    /// Number of points.
+    /// Returns the number of points.
     #[must_use]
     pub fn count(&self) -> usize {
         self.places.len()

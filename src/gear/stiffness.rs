@@ -47,7 +47,7 @@ pub enum Stiffness {
 }
 
 impl Stiffness {
-    /// Largest size of the values (a bound, attained for piecewise schedules).
+    /// Returns the largest size of the values (a bound, attained for piecewise schedules).
     #[must_use]
     pub fn maximum(&self) -> f64 {
         match self {

@@ -7,7 +7,7 @@ use super::{ImportError, json, model::Model, xml};
 /// Largest size of a file, unpacked, bytes.
 pub const LARGEST: u64 = 256 << 20;
 
-/// Most components and relations; gearboxes with all of their bearings have some hundreds.
+/// Maximum number of components and relations; gearboxes with all of their bearings have some hundreds.
 pub(super) const COMPONENTS: usize = 20_000;
 pub(super) const RELATIONS: usize = 50_000;
 /// Largest number of items that are stored of a list; no list in use has more.

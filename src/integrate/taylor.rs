@@ -8,7 +8,7 @@ use crate::hybrid::{
     Samples, StepQuantity, Wide, share_of,
 };
 
-/// Taylor steps of a [`JetField`](crate::hybrid::JetField).
+/// Taylor steps of a [`JetField`].
 ///
 /// A step requests the whole remaining arc; the series itself determines its range. There is no step-size memory, and a restart costs
 /// nothing.

@@ -34,8 +34,9 @@ pub(super) struct Defect {
     pub stretch: f64,
     /// Error of velocities, in the same weights.
     pub rate: f64,
-    /// Error of accelerations, in the same weights. The next field: factors on it of an error of the stretches and of the rates.
+    /// Error of accelerations, in the same weights.
     pub acceleration: f64,
+    /// Factors on the error of accelerations of an error of the stretches and of the rates.
     pub felt: [f64; 2],
 }
 

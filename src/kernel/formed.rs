@@ -36,7 +36,8 @@ impl Motion<'_> {
         self.propagator.get_or_init(|| self.propagate()).as_deref()
     }
 
-    /// Forms the propagator of the mode, if it pays: few outputs, linear laws, constant stiffnesses, nothing at rest.
+    /// Forms the propagator of the mode, if it pays: few outputs, linear laws, nothing at rest, and stiffnesses that are
+    /// constant or, with one degree of freedom, harmonic.
     fn propagate(&self) -> Option<Rc<Propagator>> {
         let s = self.structure;
         let is_simple = self.is_linear && self.held.is_none() && !s.is_conservative;

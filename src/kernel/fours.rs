@@ -44,14 +44,17 @@ pub(super) struct FourSeries {
     /// Forces by the laws, carried or not.
     pub force: [[f64; LANES]; ROW],
     pub does: [ContactAction; LANES],
-    /// True if some contact has a power law. The next three: a power of its own, a linear law of constant stiffness, another law.
+    /// True if some contact has a power law.
     pub has_power: bool,
+    /// True if some contact has a power of its own.
     pub has_lone: bool,
+    /// True if some contact has a linear law of constant stiffness.
     pub has_spring: bool,
+    /// True if some contact has another law.
     pub has_other: bool,
     pub side: [f64; LANES],
     pub exponent: [f64; LANES],
-    /// Penetration at the start of contacts that are [`Does::Pressed`], else 1.
+    /// Penetration at the start of contacts that are [`ContactAction::Pressed`], else 1.
     pub start: [f64; LANES],
     /// Power pⁿ of this penetration, else 0.
     pub elastic: [f64; LANES],
@@ -61,8 +64,9 @@ pub(super) struct FourSeries {
     pub spring: [f64; LANES],
     pub damping: [f64; LANES],
     pub carried: [f64; LANES],
-    /// `1/Contact::across`; the next field: `Contact::weight`.
+    /// `1/Contact::across`.
     pub per_across: [f64; LANES],
+    /// `Contact::weight`.
     pub weight: [f64; LANES],
 }
 
@@ -140,12 +144,15 @@ impl FourSeries {
 /// Sums of the sizes of the series of four contacts at the end of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FourSums {
-    /// Penetration at the start. The next two fields: sums of all terms.
+    /// Penetration at the start.
     pub start: [f64; LANES],
+    /// Sum of all terms of the penetration.
     pub penetration: [f64; LANES],
+    /// Sum of all terms of the factor.
     pub factor: [f64; LANES],
-    /// Sums of the terms of order N + 1 and more of penetration times power; the next field: of power times factor.
+    /// Sums of the terms of order N + 1 and more of penetration times power.
     pub shortened: [f64; LANES],
+    /// Sums of the terms of order N + 1 and more of power times factor.
     pub product: [f64; LANES],
 }
 

@@ -8,7 +8,7 @@
 //!
 //! where `(w v)_k = Σ_i w_i v_{k−i}`. Plain time has `w = 1`. Near the start or the end of a contact
 //! with a power law, where `pⁿ` has a branch point in plain time, the clock is a root of the time or of a penetration, and the
-//! series run through it ([`StepClock`](clock::StepClock)).
+//! series run through it ([`StepClock`]).
 
 mod bare;
 mod bound;

@@ -55,8 +55,9 @@ struct ModulatedStiffness {
 /// Stiffnesses of a mode, as functions of φ.
 #[derive(Debug)]
 pub(super) struct Modulation {
-    /// Order of φ in the clock; the next field: its frequency, rad/s.
+    /// Order of φ in the clock.
     pub order: u32,
+    /// Frequency of φ, rad/s.
     pub omega: f64,
     /// Stiffness of each contact, if it acts.
     stiffness: Vec<Option<ModulatedStiffness>>,

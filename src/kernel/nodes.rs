@@ -66,11 +66,13 @@ pub(super) struct Ellipse {
 pub(super) struct Nodes {
     /// Places θ of the nodes.
     pub theta: Values,
-    /// Integral over θ from the middle; the next field: integral of this integral.
+    /// Integral over θ from the middle.
     once: [Matrix; 2],
+    /// Integral of this integral.
     twice: [Matrix; 2],
-    /// Values to even and odd Chebyshev coefficients; the next field: the inverse.
+    /// Values to even and odd Chebyshev coefficients.
     coefficients: [Matrix; 2],
+    /// Inverse of `coefficients`.
     values: [Matrix; 2],
     pub ellipses: [Ellipse; ELLIPSES.len()],
 }

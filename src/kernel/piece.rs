@@ -55,12 +55,15 @@ const GOAL: f64 = 3e-14;
 pub(super) struct Law {
     /// Numerator and denominator of the exponent.
     pub exponent: [u32; 2],
-    /// `k`; the next field: χ. The force over the effective mass of the contact is `k pⁿ (1 + χ ṗ)`.
+    /// `k`: the force over the effective mass of the contact is `k pⁿ (1 + χ ṗ)`.
     pub stiffness: f64,
+    /// χ.
     pub hysteresis: f64,
-    /// `κ`; the next fields: γ, and true if the body has a spring or a damper of its own.
+    /// κ.
     pub spring: f64,
+    /// γ.
     pub damping: f64,
+    /// True if the body has a spring or a damper of its own.
     pub is_held: bool,
     /// q, as a real number.
     pub root: f64,

@@ -125,8 +125,9 @@ impl Pressed {
 /// Motion under a closed law in progress.
 struct PressedMotion {
     law: Law,
-    /// Longest duration, s. The next field: time elapsed so far, s.
+    /// Longest duration, s.
     span: f64,
+    /// Time elapsed so far, s.
     time: f64,
     at: PieceStart,
     /// Size of the speed.

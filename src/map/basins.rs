@@ -11,7 +11,7 @@ use super::{
     attractor::Attractor,
     cell::{Cell, CellRule},
     edges::{Boundary, Figures},
-    plane::{Coordinate, PlaneError, two_axes, varied},
+    plane::{PlaneError, StateComponent, two_axes, varied},
     walk::Walk,
 };
 use crate::{
@@ -27,11 +27,11 @@ use crate::{
 
 /// Distance from an orbit, in its scales, within which a start has reached the orbit.
 const REACHED: f64 = 1e-6;
-/// Most starts along each axis of the coarse grid on which attractors are searched for first.
+/// Maximum number of starts along each axis of the coarse grid on which attractors are searched for first.
 const SURVEY: usize = 24;
 
 /// End of the motion from one start.
-enum StartEnd {
+enum StartOutcome {
     /// On a known attractor, reached after this number of cycles.
     Known(usize, u64),
     /// On an attractor that the row itself describes, after this number of cycles.
@@ -47,7 +47,7 @@ pub struct Basins {
     simulation: Simulation,
     hash: String,
     grid: Grid,
-    varied: [Coordinate; 2],
+    varied: [StateComponent; 2],
     values: [Vec<f64>; 2],
     q: Vec<f64>,
     v: Vec<f64>,
@@ -81,7 +81,7 @@ impl Basins {
         let simulation = Simulation::from_scene(scene)?.in_common_cycles()?;
         let mut faults = Vec::new();
         let freedoms = &simulation.structure.spec().freedoms;
-        let found: Vec<Coordinate> = grid
+        let found: Vec<StateComponent> = grid
             .axes()
             .iter()
             .filter_map(|axis| varied(&axis.pointer, freedoms).map_err(|fault| faults.push(fault)).ok())
@@ -139,7 +139,7 @@ impl Basins {
         start: usize,
         known: &[Attractor],
         task: Task<'_>,
-    ) -> Result<Option<StartEnd>, SimulationError> {
+    ) -> Result<Option<StartOutcome>, SimulationError> {
         let map = SectionMap::new(&self.simulation)?;
         let drift = map.drift();
         let transient = self.rule.counted(&self.simulation).transient_cycles;
@@ -147,19 +147,19 @@ impl Basins {
         if known.iter().any(|attractor| !attractor.is_family)
             && let Some(reached) = self.reach(walk, start, known, transient, (&map, &drift))?
         {
-            return Ok(Some(StartEnd::Known(reached.0, reached.1)));
+            return Ok(Some(StartOutcome::Known(reached.0, reached.1)));
         }
         let Some(cell) = self.rule.decide(&self.simulation, self.state(start)?, task)? else {
             let reason = "the limit on events is reached".to_owned();
-            return Ok(if task.is_cancelled() { None } else { Some(StartEnd::Failed(reason)) });
+            return Ok(if task.is_cancelled() { None } else { Some(StartOutcome::Failed(reason)) });
         };
         let (kind, cycles) = (cell.motion.kind, cell.motion.cycles);
         if matches!(kind, MotionKind::Transient | MotionKind::Undecided) {
-            return Ok(Some(StartEnd::Open(kind, cycles)));
+            return Ok(Some(StartOutcome::Open(kind, cycles)));
         }
         let own = Attractor::new(&map, cell)?;
         let reached = self.reach(walk, start, std::slice::from_ref(&own), 2 * cycles, (&map, &drift))?;
-        Ok(Some(StartEnd::Own(Box::new(own), reached.map_or(cycles, |(_, reached)| reached))))
+        Ok(Some(StartOutcome::Own(Box::new(own), reached.map_or(cycles, |(_, reached)| reached))))
     }
 
     /// Returns the first of the `known` orbits that a start reaches within some cycles, and the number of these cycles.
@@ -279,7 +279,7 @@ impl Basins {
         {
             all.resize(all.len().max(number + 1), None);
             let mut walk = Walk::new(&self.simulation)?;
-            if let Some(StartEnd::Own(own, _)) = self.end(&mut walk, start, survey, task)? {
+            if let Some(StartOutcome::Own(own, _)) = self.end(&mut walk, start, survey, task)? {
                 all[number] = Some(*own);
             }
         }
@@ -290,15 +290,15 @@ impl Basins {
             let ended = walk.as_mut().map(|walk| self.end(walk, share.chain(i), survey, task))?;
             match ended {
                 Ok(ended) => ended,
-                Err(error) => Some(StartEnd::Failed(in_a_line(&error.to_string()))),
+                Err(error) => Some(StartOutcome::Failed(in_a_line(&error.to_string()))),
             }
         };
         for missing in rows.missing() {
-            let keep = |i: usize, ended: StartEnd| {
+            let keep = |i: usize, ended: StartOutcome| {
                 let start = share.chain(i);
                 let (attractor, cycles, error) = match ended {
-                    StartEnd::Known(number, cycles) => (number.to_string(), cycles.to_string(), String::new()),
-                    StartEnd::Own(own, cycles) => {
+                    StartOutcome::Known(number, cycles) => (number.to_string(), cycles.to_string(), String::new()),
+                    StartOutcome::Own(own, cycles) => {
                         let is_own = |known: &Option<Attractor>| {
                             known.as_ref().is_some_and(|known| known.is(&map, &drift, &own))
                         };
@@ -310,8 +310,8 @@ impl Basins {
                         });
                         (number.to_string(), cycles.to_string(), String::new())
                     }
-                    StartEnd::Open(kind, cycles) => (kind.word().to_owned(), cycles.to_string(), String::new()),
-                    StartEnd::Failed(why) => ("failed".to_owned(), String::new(), why),
+                    StartOutcome::Open(kind, cycles) => (kind.word().to_owned(), cycles.to_string(), String::new()),
+                    StartOutcome::Failed(why) => ("failed".to_owned(), String::new(), why),
                 };
                 let values = self.values(start).map(number);
                 rows.keep(start, &csv_line(values.into_iter().chain([attractor, cycles, error])))?;
@@ -355,7 +355,9 @@ impl Basins {
         newcomers.sort_by_key(|(_, start)| *start);
         let mut walk = Walk::new(&self.simulation)?;
         for (of_part, start) in newcomers {
-            let Some(StartEnd::Own(own, _)) = self.end(&mut walk, start, survey, Task::default())? else { continue };
+            let Some(StartOutcome::Own(own, _)) = self.end(&mut walk, start, survey, Task::default())? else {
+                continue;
+            };
             let known = attractors.iter().position(|known| known.is(&map, &drift, &own));
             numbers.insert(of_part, known.unwrap_or(attractors.len()));
             if known.is_none() {

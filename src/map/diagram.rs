@@ -51,7 +51,7 @@ pub struct Seed {
 /// Stored rows of a diagram.
 pub type DiagramRows = Journal<Record, Seed>;
 
-/// Most points of a series that a picture shows.
+/// Maximum number of points of a series that a picture shows.
 const MOST_POINTS: usize = 60_000;
 /// Fractional part of the golden ratio.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
@@ -455,7 +455,7 @@ impl Diagram {
 
 /// Small primes: their square roots are independent.
 const PRIMES: [f64; 12] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0];
-/// Most candidates tried for one start.
+/// Maximum number of candidates tried for one start.
 const ATTEMPTS: usize = 32;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Rule of [`Rule::decide`] for trains of one degree of freedom, by a lane: states and derivatives in arrays of fixed size.
+//! Rule of [`CellRule::decide`] for trains of one degree of freedom, by a lane: states and derivatives in arrays of fixed size.
 //!
 //! It is the rule of [`Approach`](crate::orbit::Approach) and [`decide`](crate::orbit::decide()), with their numbers. `tests/motions/map.rs`
 //! compares both on the same cells.

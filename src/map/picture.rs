@@ -188,7 +188,7 @@ const ATTRACTORS: [Colour; 12] = [
     [0xb2, 0xab, 0xd2],
     [0x35, 0x97, 0x8f],
 ];
-/// Most characters of a word in a legend.
+/// Maximum number of characters of a word in a legend.
 const LONGEST: usize = 23;
 
 /// Draws the basins of `name` over `grid`: the end of each start, and the number of cycles to it.
@@ -255,7 +255,7 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &BasinResult, dimensionless
 
 /// Room above and below the points, in their range.
 const MARGIN: f64 = 0.04;
-/// Most starts with colours of their own.
+/// Maximum number of starts with colours of their own.
 const MOST_STARTS: usize = 6;
 
 /// Returns the points by their tags: closures by flank, others by start.

@@ -10,7 +10,7 @@ use crate::{
     sweep::{Grid, GridError},
 };
 
-/// Most cells.
+/// Maximum number of cells.
 pub const MOST_CELLS: usize = 1_000_000_000;
 
 /// Error of a plane over a scene.
@@ -69,13 +69,13 @@ fn outside(scene: &Scene, number: &Parameter, value: f64) -> Option<Fault> {
 
 /// Coordinate or velocity that is varied.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Coordinate {
+pub(super) struct StateComponent {
     pub is_velocity: bool,
     pub freedom: usize,
 }
 
 /// Reads `/initial/q/I` or `/initial/v/I`, with a number or a name of a freedom.
-pub(super) fn varied(pointer: &str, freedoms: &[String]) -> Result<Coordinate, Fault> {
+pub(super) fn varied(pointer: &str, freedoms: &[String]) -> Result<StateComponent, Fault> {
     let fault = |found: &str| {
         let allowed = format!("/initial/q/I or /initial/v/I, with I from 0 to {}", freedoms.len() - 1);
         Fault::new(pointer, found, allowed).remedy("flank map varies other numbers")
@@ -89,7 +89,7 @@ pub(super) fn varied(pointer: &str, freedoms: &[String]) -> Result<Coordinate, F
     };
     let by_name = freedoms.iter().position(|freedom| freedom == name);
     let freedom = by_name.or_else(|| name.parse().ok().filter(|i: &usize| *i < freedoms.len()));
-    Ok(Coordinate { is_velocity, freedom: freedom.ok_or_else(|| fault("a freedom that the train does not have"))? })
+    Ok(StateComponent { is_velocity, freedom: freedom.ok_or_else(|| fault("a freedom that the train does not have"))? })
 }
 
 /// Scene over two of its numbers.

@@ -21,7 +21,7 @@ use crate::{
     tangent::Tangent,
 };
 
-/// Most steps of Newton's method.
+/// Maximum number of steps of Newton's method.
 const STEPS: usize = 12;
 
 pub(super) type Pair = [f64; 2];
@@ -370,7 +370,7 @@ impl<'s> Runner<'s> {
     pub fn word(&self, events: &[LaneEvent]) -> String {
         let token = |passed: &LaneEvent| {
             let (was, is, watch) = passed.parts();
-            words::token(0, was, is, false).unwrap_or_else(|| words::spelled('i', 0, watch.side()))
+            words::token(0, was, is, false).unwrap_or_else(|| words::write_token('i', 0, watch.side()))
         };
         words::text(&words::normal(&events.iter().map(token).collect::<Vec<_>>()))
     }

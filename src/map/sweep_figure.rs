@@ -8,7 +8,7 @@ use crate::{
     sweep::{Plan, SweepDirection},
 };
 
-/// Most families of contacts drawn over one number, and over two.
+/// Maximum number of families of contacts drawn over one number, and over two.
 const MOST: [usize; 2] = [4, 2];
 /// Kinds and their colours: those of a map, as far as curves have them.
 const KINDS: [(MotionKind, usize); 5] = [

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::cell::Impacts;
 
-/// Most points of a picture along an axis; of more cells every second, third … is shown.
+/// Maximum number of points of a picture along an axis; of more cells every second, third … is shown.
 const MOST_POINTS: usize = 1200;
 
 /// Returns the steps between the cells that a picture shows, along each axis.

@@ -111,22 +111,22 @@ impl<'s> Walk<'s> {
             let (drift, structure) = (SectionMap::new(simulation)?.drift(), &simulation.structure);
             let mut frame = Frame::single(simulation, &drift);
             frame.start(engine.state());
-            let mut speller = WordObserver::new(structure, &engine.state().x);
+            let mut words = WordObserver::new(structure, &engine.state().x);
             for cycle in 0..cycles {
                 let end = clock.at(engine.state().at.cycle + 1, 0.0);
-                if engine.run(end, &mut (&mut frame, &mut speller))? != Outcome::ReachedEnd {
+                if engine.run(end, &mut (&mut frame, &mut words))? != Outcome::ReachedEnd {
                     return Ok(None);
                 }
                 record.points.push(engine.state().x.clone());
                 // Letters are gathered as their instant is closed.
-                speller.tokens();
-                let gained = speller.letters.iter().filter(|letter| is_gained(&letter.token));
+                words.tokens();
+                let gained = words.letters.iter().filter(|letter| is_gained(&letter.token));
                 record.strikes.extend(gained.map(|letter| {
                     let side = if letter.token.ends_with('+') { 1.0 } else { -1.0 };
                     let (phase, speed) = (letter.at.phase.value() / period, side * letter.rate);
                     Strike { cycle, contact: letter.contact, side, phase, speed }
                 }));
-                speller.take();
+                words.take();
                 rows.push(frame.take());
             }
             if frame.is_unresolved() || frame.lost[0] {

@@ -25,7 +25,7 @@ pub struct Approach {
     pub tolerance: f64,
     /// Longest period searched for, cycles, ≥ 1.
     pub longest_period: u32,
-    /// Most cycles run.
+    /// Maximum number of cycles run.
     pub most_cycles: u64,
 }
 
@@ -253,10 +253,10 @@ impl Approach {
         let word = sorted(&orbit.image.word);
         let mut before = attraction.of(&engine.state().x);
         for _ in 0..FOLLOWED {
-            let mut speller = WordObserver::new(structure, &engine.state().x);
+            let mut words = WordObserver::new(structure, &engine.state().x);
             for _ in 0..orbit.period {
                 let at = clock.at(engine.state().at.cycle + 1, 0.0);
-                if engine.run(at, &mut (&mut *observer, &mut speller))? != Outcome::ReachedEnd || task.is_cancelled() {
+                if engine.run(at, &mut (&mut *observer, &mut words))? != Outcome::ReachedEnd || task.is_cancelled() {
                     return Ok(None);
                 }
                 sections.push_back(map.section(engine.state()));
@@ -264,7 +264,7 @@ impl Approach {
             let now = attraction.of(&engine.state().x);
             let is_there = now[1].sqrt() <= self.tolerance;
             let comes = now[0] <= before[0] - CONTRACTS * before[1];
-            if sorted(&speller.repeating()) != word || !(is_there || comes) {
+            if sorted(&words.repeating()) != word || !(is_there || comes) {
                 return Ok(Some(false));
             }
             before = now;

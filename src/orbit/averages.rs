@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 pub(super) const BLOCKS: usize = 40;
 /// Correlation of neighbouring blocks above which a band is doubled.
 const CORRELATED: f64 = 0.2;
-/// Most rows stored: from then on each contains twice as many cycles.
+/// Maximum number of rows stored: from then on each contains twice as many cycles.
 const MOST: usize = 8192;
 
 /// Returns the means of the columns of `rows`, and their standard errors from blocks.

@@ -101,14 +101,14 @@ impl<'a> GuardMap<'a> {
         self.image_by(start, &[])
     }
 
-    /// Returns the same, with the derivative by numbers of the train according to `variations`; `start` is held.
+    /// Returns the event as [`image`](Self::image), with the derivative by numbers of the train according to `variations`; `start` is held.
     ///
     /// # Errors
     /// Errors of [`image`](Self::image).
     pub fn image_by(&self, start: &State, variations: &[Variation]) -> Result<Crossing, SimulationError> {
         let structure = &self.simulation.structure;
         let (end, watcher, earlier) = self.run(start.clone(), variations)?;
-        let Watcher { tangent, mut speller, .. } = watcher;
+        let Watcher { tangent, mut words, .. } = watcher;
         let dim = end.x.len();
         let rates = |state: &State| {
             let mut rates = DVector::zeros(dim);
@@ -130,7 +130,7 @@ impl<'a> GuardMap<'a> {
             jacobian,
             time_by,
             by_number: (by_number, time_by_number),
-            word: speller.tokens(),
+            word: words.tokens(),
             corner: tangent.corner,
             end,
         })
@@ -148,8 +148,8 @@ impl<'a> GuardMap<'a> {
         let end = clock.advance(start.at, clock.between(from, to));
         let mut tangent = Tangent::new(structure).with(variations);
         tangent.start(&start);
-        let speller = WordObserver::new(structure, &start.x);
-        let mut watcher = Watcher { map: self, structure, variations, tangent, speller, met: None };
+        let words = WordObserver::new(structure, &start.x);
+        let mut watcher = Watcher { map: self, structure, variations, tangent, words, met: None };
         let mut engine = simulation.engine(start)?;
         if engine.run(end, &mut watcher)? == Outcome::EventBudgetSpent {
             return Err(simulation.missing("its run stops before the section; raise its limit on events"));
@@ -180,7 +180,7 @@ struct Watcher<'b> {
     structure: &'b Structure,
     variations: &'b [Variation],
     tangent: Tangent<'b>,
-    speller: WordObserver<'b>,
+    words: WordObserver<'b>,
     /// After the event: how much earlier neighbours reach it, by the start and by numbers, if known.
     met: Option<Option<[Vec<f64>; 2]>>,
 }
@@ -215,11 +215,11 @@ impl Observer for Watcher<'_> {
             self.met = Some(by_start.zip(by_number).map(|(start, number)| [start, number]));
         }
         self.tangent.jump(jumped);
-        self.speller.jump(jumped);
+        self.words.jump(jumped);
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        let _ = self.speller.event(record);
+        let _ = self.words.event(record);
         if record.start {
             // A decision about the first mode, and no event.
             self.met = None;

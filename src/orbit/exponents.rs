@@ -20,7 +20,7 @@ use crate::{
 
 /// Least number of cycles dropped.
 const DROPPED: u64 = 1000;
-/// Most cycles averaged, unless their number is given.
+/// Maximum number of cycles averaged, unless their number is given.
 const MOST: u64 = 1_000_000;
 /// Largest accepted band of the largest exponent, as a share of the largest in size.
 const BAND: f64 = 1e-3;
@@ -175,7 +175,7 @@ impl Lyapunov {
         self.go_on(simulation, None, &mut |_| (), task)
     }
 
-    /// Returns the same, resumed from `earlier` averages of the same train, if any; every so many cycles `keep` receives the present
+    /// Returns the exponents as [`run`](Self::run), resumed from `earlier` averages of the same train, if any; every so many cycles `keep` receives the present
     /// averages. The result is the same to the last bit, however often it was interrupted.
     ///
     /// # Errors
@@ -243,7 +243,7 @@ impl Lyapunov {
                 (now, running)
             }
         };
-        let mut speller = WordObserver::new(&simulation.structure, &now.section.x);
+        let mut words = WordObserver::new(&simulation.structure, &now.section.x);
         let (mut reason, mut is_whole) = (None, true);
         while now.cycle < dropped + most {
             if now.cycle.is_multiple_of(KEPT) && now.cycle > 0 {
@@ -257,7 +257,7 @@ impl Lyapunov {
             now.cycle += 1;
             let FramedRun { engine, frame, bare } = &mut running;
             let spells = now.cycle <= dropped + SPELLED;
-            let observer = &mut ((&mut *frame, &mut *bare), spells.then_some(&mut speller));
+            let observer = &mut ((&mut *frame, &mut *bare), spells.then_some(&mut words));
             let run = map.advance(engine, map.at(now.cycle), observer);
             let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
             let all_logs = logs.iter().chain(bare_logs.iter().flatten());
@@ -274,7 +274,7 @@ impl Lyapunov {
                 frame.begin();
                 bare.iter_mut().for_each(Frame::begin);
             }
-            let word = speller.take();
+            let word = words.take();
             if now.cycle > dropped {
                 if spells {
                     now.sequence.add(&word);

@@ -78,7 +78,7 @@ pub struct Motion {
 pub struct WatchTime {
     /// Cycles of the first averages.
     pub cycles: u64,
-    /// Most doublings of these cycles.
+    /// Maximum number of doublings of these cycles.
     pub doublings: u32,
     /// True if the transient is over: averages are taken from all cycles, not from their second half.
     pub is_settled: bool,

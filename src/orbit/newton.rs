@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{simulation::SimulationError, task::Task};
 
-/// Most Newton steps.
+/// Maximum number of Newton steps.
 pub(super) const STEPS: usize = 40;
 /// Halvings of a step that makes the residual larger.
 pub(super) const HALVINGS: i32 = 6;
@@ -161,12 +161,12 @@ impl SectionMap<'_> {
     /// Returns the orbit of `period` cycles near `start`, by Newton's method.
     ///
     /// # Errors
-    /// [`Missed`], if it does not converge.
+    /// [`NewtonFailure`], if it does not converge.
     pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, NewtonFailure> {
         self.solve_from(start, period, drift, Options::default())
     }
 
-    /// Returns the same, with `options`.
+    /// Returns the orbit as [`solve`](Self::solve), with `options`.
     pub(super) fn solve_from(
         &self,
         start: &Section,

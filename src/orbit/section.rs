@@ -285,35 +285,35 @@ impl<'a> SectionMap<'a> {
         self.image_by(section, cycles, &[])
     }
 
-    /// Returns the same, with the derivative by numbers of the train according to `variations`; `section` is held.
+    /// Returns the image as [`image`](Self::image), with the derivative by numbers of the train according to `variations`; `section` is held.
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails.
     pub fn image_by(&self, section: &Section, cycles: u64, variations: &[Variation]) -> Result<Image, SimulationError> {
-        let mut speller = WordObserver::new(&self.simulation.structure, &section.x);
-        self.image_spelled((section, cycles), variations, &mut speller)
+        let mut words = WordObserver::new(&self.simulation.structure, &section.x);
+        self.image_with((section, cycles), variations, &mut words)
     }
 
-    /// Returns the same; `speller` has spelled the events before.
-    pub(super) fn image_spelled(
+    /// Returns the image as [`image_by`](Self::image_by); `words` has observed the events before.
+    pub(super) fn image_with(
         &self,
         (section, cycles): (&Section, u64),
         variations: &[Variation],
-        speller: &mut WordObserver<'_>,
+        words: &mut WordObserver<'_>,
     ) -> Result<Image, SimulationError> {
         let state = self.state(section)?;
         let mut tangent = Tangent::new(&self.simulation.structure).with(variations);
         tangent.start(&state);
-        speller.meet(&state.x);
+        words.meet(&state.x);
         let mut engine = self.simulation.engine(state)?;
         let mut between = Vec::with_capacity(cycles as usize);
         for cycle in 1..=cycles {
-            self.advance(&mut engine, self.at(cycle), &mut (&mut tangent, &mut *speller))?;
+            self.advance(&mut engine, self.at(cycle), &mut (&mut tangent, &mut *words))?;
             if tangent.is_unresolved {
                 return Err(self.simulation.missing("the derivative along a step of its motion cannot be resolved"));
             }
             between.push(self.section(engine.state()));
-            speller.meet(&engine.state().x);
+            words.meet(&engine.state().x);
         }
         let counters = engine.counters();
         let dim = engine.state().x.len();
@@ -322,14 +322,14 @@ impl<'a> SectionMap<'a> {
             between,
             jacobian: DMatrix::from_row_slice(dim, dim, &tangent.columns.values),
             by_number: DMatrix::from_row_slice(dim, variations.len(), &tangent.by_number().values),
-            word: speller.repeating(),
+            word: words.repeating(),
             zeros: zeros(&tangent.dead, &tangent.latched),
             dead: tangent.dead,
             latched: tangent.latched,
             volume: tangent.volume,
             corner: tangent.corner,
-            has_event_at_section: speller.letters.iter().any(|letter| self.is_section(letter.at)),
-            sizes: speller.sizes.clone(),
+            has_event_at_section: words.letters.iter().any(|letter| self.is_section(letter.at)),
+            sizes: words.sizes.clone(),
             pieces: counters.steps + counters.events,
         })
     }

@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{simulation::SimulationError, system::Variation, tangent::zeros};
 
-/// Most unknowns: their matrix is full, and its solution costs the cube.
+/// Maximum number of unknowns: their matrix is full, and its solution costs the cube.
 const MOST: usize = 600;
 /// Passes over the period that turn the factors of its derivative to its invariant directions.
 const PASSES: usize = 8;
@@ -73,8 +73,8 @@ impl Shots {
         let structure = &map.simulation().structure;
         let moving = 2 * structure.freedoms();
         let (images, whole) = loop {
-            let mut speller = WordObserver::new(structure, &sections[0].x);
-            let image = |(i, section)| map.at_step(i).image_spelled((section, 1), variations, &mut speller);
+            let mut words = WordObserver::new(structure, &sections[0].x);
+            let image = |(i, section)| map.at_step(i).image_with((section, 1), variations, &mut words);
             let images = sections.iter().enumerate().map(image).collect::<Result<Vec<_>, _>>()?;
             let whole = joined(&images, map.steps())
                 .ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
@@ -125,12 +125,12 @@ impl SectionMap<'_> {
     /// Returns the orbit near `trail`, which has a section for each step of the period: for each cycle, unless the map is divided.
     ///
     /// # Errors
-    /// [`Missed`], if Newton's method does not converge, or if the period has more than 600 unknowns.
+    /// [`NewtonFailure`], if Newton's method does not converge, or if the period has more than 600 unknowns.
     pub fn shoot(&self, trail: &[Section], drift: &Drift) -> Result<Orbit, NewtonFailure> {
         self.shoot_from(trail, drift, Options::default())
     }
 
-    /// Returns the same, with `options` but known orbits.
+    /// Returns the orbit of [`shoot`](Self::shoot), with the patience and the task of `options`.
     pub(super) fn shoot_from(
         &self,
         trail: &[Section],

@@ -30,10 +30,10 @@ pub(crate) fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool)
         (DriveDetached | BackDetached, Separated) => 'x',
         _ => return None,
     };
-    Some(spelled(kind, j, side))
+    Some(write_token(kind, j, side))
 }
 
-pub(crate) fn spelled(kind: char, j: usize, side: f64) -> String {
+pub(crate) fn write_token(kind: char, j: usize, side: f64) -> String {
     format!("{kind}{j}{}", if side > 0.0 { '+' } else { '-' })
 }
 
@@ -94,7 +94,7 @@ pub struct Statistics {
     pub memory: usize,
 }
 
-/// Most words named in a file.
+/// Maximum number of words named in a file.
 const NAMED: usize = 12;
 
 impl Sequence {
@@ -180,7 +180,7 @@ pub(crate) fn letters<'a>(
         let told = token(j, was, is, is_rigid).or_else(|| {
             let struck = jumped.to.struck.iter().map(|id| structure.watch(id)).find(|(k, _)| *k == j);
             let (_, watch) = struck.filter(|_| is_rigid && was == ContactMode::Separated)?;
-            Some(spelled('i', j, if watch == Watch::DriveFlank { 1.0 } else { -1.0 }))
+            Some(write_token('i', j, if watch == Watch::DriveFlank { 1.0 } else { -1.0 }))
         });
         told.map(|token| (j, token))
     })
@@ -292,7 +292,7 @@ impl Observer for WordObserver<'_> {
             // The impacts of the sequence, the last ones of their contact, become one token: that of its end.
             for (contact, watch) in record.fired.iter().map(|id| self.structure.watch(id)) {
                 self.open.iter_mut().filter(|letter| letter.contact == contact).for_each(|letter| letter.ends = true);
-                let impact = spelled('i', contact, watch.side());
+                let impact = write_token('i', contact, watch.side());
                 for _ in 0..accumulation.resolved {
                     let last = self.letters.iter().rposition(|letter| letter.contact == contact);
                     let Some(last) = last.filter(|last| self.letters[*last].token == impact) else { break };

@@ -18,7 +18,7 @@ use crate::{
 /// Limits of frequencies, rad/s, and periods, s: products of several stay far from the ends of a double.
 const SMALLEST: f64 = 1e-100;
 const LARGEST: f64 = 1e100;
-/// Most cycles of a period: larger whole numbers are no exact doubles.
+/// Maximum number of cycles of a period: larger whole numbers are no exact doubles.
 const MOST_CYCLES: f64 = (1u64 << 53) as f64;
 /// Largest relative error of a multiple that is written as a number.
 const ROUNDED: f64 = 1e-14;

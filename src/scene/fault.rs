@@ -6,7 +6,7 @@ use serde_json::Value;
 
 pub use crate::output::Fault;
 
-/// Most faults printed; a list of a million wrong items has a million.
+/// Maximum number of faults printed; a list of a million wrong items has a million.
 const SHOWN: usize = 100;
 
 /// Scene that cannot be used, with all its faults.

@@ -77,7 +77,7 @@ impl GearPairing {
         Some(Self::with(rack, gears, build::assembled(node, geometry)?, widths))
     }
 
-    /// Returns the same with a given geometry.
+    /// Returns two gears in mesh, pinion first, with a given geometry.
     pub fn with(rack: BasicRack, gears: [Gear; 2], mut geometry: MeshGeometry, widths: [&Node; 2]) -> Self {
         let written = widths.map(|gear| gear.at("face_width_m").written().map(|width| width.number()));
         let face_width = written.into_iter().flatten().reduce(f64::min);

@@ -1,7 +1,7 @@
 //! Scenes: a train, its start and its run, as one JSON file.
 //!
 //! A scene has units in its keys and refuses unknown keys. It reports all faults at once, each with its place, the allowed values, and a
-//! remedy. [`schema`] is its JSON Schema, generated from the description that the reader uses. Trains, by `kind`:
+//! remedy. [`schema()`] is its JSON Schema, generated from the description that the reader uses. Trains, by `kind`:
 //!
 //! | kind | train | freedoms |
 //! |---|---|---|
@@ -242,7 +242,7 @@ impl Scene {
     }
 
     /// Returns the same scene with other values at several JSON pointers. Only the whole must be valid. A start that no longer fits is
-    /// refused at its use: [`Built::start_faults`].
+    /// refused at its use: [`BuiltScene::start_faults`].
     ///
     /// # Errors
     /// [`SceneError`] if a pointer leads nowhere or the scene becomes invalid.

@@ -46,9 +46,9 @@ pub struct Run {
     pub start_cycle: u64,
     /// Cycles left out of the measures.
     pub transient_cycles: u64,
-    /// Most events before the run stops.
+    /// Maximum number of events before the run stops.
     pub event_budget: u64,
-    /// Most steps before the run fails.
+    /// Maximum number of steps before the run fails.
     pub step_budget: u64,
     /// Error of the time of an event that its arc may add, as a share of the period; 0 is full precision.
     pub event_tolerance: f64,

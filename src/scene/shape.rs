@@ -59,7 +59,7 @@ fn excluded(closed: bool) -> &'static str {
     if closed { "" } else { " (excluded)" }
 }
 
-/// Most characters of a name: it appears in tables, figures and messages.
+/// Maximum number of characters of a name: it appears in tables, figures and messages.
 const NAME: usize = 200;
 
 /// Allowed form of a value.

@@ -8,11 +8,11 @@ use serde_json::{Map, Value, json};
 use super::fault::{Fault, below};
 use crate::output::read_file;
 
-/// Most bytes of a table.
+/// Maximum number of bytes of a table.
 const MOST_BYTES: u64 = 16 << 20;
-/// Most faults of one table that are listed.
+/// Maximum number of faults of one table that are listed.
 const SHOWN: usize = 20;
-/// Most characters of a cell in a message.
+/// Maximum number of characters of a cell in a message.
 const CELL: usize = 40;
 
 /// Replaces `table`, the path of a file below `folder`, by `points` wherever a curve names one.

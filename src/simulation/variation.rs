@@ -97,7 +97,7 @@ impl Simulation {
         self.variation_by(&Parameter::new(self.resolved(), &[pointer]).map_err(|reason| self.missing(reason))?)
     }
 
-    /// Returns the same for numbers that move together, by the value of the first.
+    /// Returns the variation for numbers that move together, by the value of the first.
     ///
     /// # Errors
     /// Errors of [`variation`](Self::variation).
@@ -110,7 +110,7 @@ impl Simulation {
         self.variation_at(&scene, parameter, value)
     }
 
-    /// Returns the same at `value`, from trains that `scene` builds around it: this simulation's scene, except for the parameter.
+    /// Returns the variation at `value`, from trains that `scene` builds around it: this simulation's scene, except for the parameter.
     ///
     /// # Errors
     /// Errors of [`variation`](Self::variation).

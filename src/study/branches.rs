@@ -23,10 +23,10 @@ use crate::{
     task::Task,
 };
 
-/// Most families of contacts drawn.
+/// Maximum number of families of contacts drawn.
 #[cfg(feature = "plot")]
 const MOST: usize = 3;
-/// Most special points of a panel with numbers beside them.
+/// Maximum number of special points of a panel with numbers beside them.
 #[cfg(feature = "plot")]
 const NUMBERED: usize = 16;
 /// Largest multiplier drawn.

@@ -25,7 +25,7 @@ const REACH: f64 = 2.0;
 const ABOVE: f64 = 1.1;
 /// Space around a train, as a share of its size.
 const ROOM: f64 = 0.06;
-/// Most contacts drawn one by one.
+/// Maximum number of contacts drawn one by one.
 const MOST: usize = 6;
 
 /// Returns the page of a scene.

@@ -54,12 +54,12 @@ pub struct Plan {
     pub(super) is_coarse: bool,
 }
 
-/// Most speeds at which thresholds are sought: each takes some twenty runs.
+/// Maximum number of speeds at which thresholds are sought: each takes some twenty runs.
 const THRESHOLDS: usize = 20;
 /// Width of a threshold's bracket, as a share of the loads: of a study, and of a trial of a fit.
 const FINE: f64 = 2.5e-4;
 const COARSE: f64 = 1e-2;
-/// Most speeds of a waterfall.
+/// Maximum number of speeds of a waterfall.
 const LINES: usize = 60;
 /// Cycles after which a floating motion counts as irregular without a longer run.
 const FLOATING_CYCLES: u64 = 300;

@@ -17,7 +17,7 @@ use crate::{orbit::MotionKind, scene::Scene, task::Task};
 
 /// Loads tried on the way down.
 const SCAN: usize = 48;
-/// Most rounds of the root search: as many halve a bracket down to rounding.
+/// Maximum number of rounds of the root search: as many halve a bracket down to rounding.
 const ROUNDS: usize = 64;
 /// Share of the distance to the root that each round leaves.
 const NEARER: f64 = 1e-2;

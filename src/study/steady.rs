@@ -29,7 +29,7 @@ pub struct Rule {
     pub measured_cycles: u64,
     /// Cycles measured of an irregular motion.
     pub irregular_cycles: u64,
-    /// Most cycles that decide on the kind of a motion without an orbit, at least 2000; without limit if none.
+    /// Maximum number of cycles that decide on the kind of a motion without an orbit, at least 2000; without limit if none.
     #[serde(skip)]
     pub watched_cycles: Option<u64>,
 }

@@ -136,12 +136,12 @@ pub(super) fn sum(path: &Path) -> Result<String, OutputError> {
 }
 
 /// File that is written beside its final place.
-pub(super) struct PartFile {
+pub(super) struct UnfinishedFile {
     path: PathBuf,
     file: BufWriter<File>,
 }
 
-impl PartFile {
+impl UnfinishedFile {
     pub(super) fn create(folder: &Path, name: &str) -> Result<Self, OutputError> {
         let path = folder.join(name);
         let part = part(&path);

@@ -3,7 +3,7 @@ use serde::Serialize;
 use super::GridError;
 use crate::output::Fault;
 
-/// Most values of an axis, and points of a grid.
+/// Maximum number of values of an axis, and points of a grid.
 const MOST: usize = 1_000_000;
 const MOST_POINTS: usize = 1_000_000_000;
 /// Largest number on an axis; weighted with its count it is still a double.

@@ -1,7 +1,7 @@
 //! Sweeps: the same work at every point of a grid, stored row by row.
 //!
 //! A [`Grid`] is one or two [`Axis`] of numbers. A [`Plan`] sets the order of its points, and those that start from the end of a neighbour.
-//! [`run`] visits them on several threads. A [`Journal`] stores each row as it finishes and becomes the final files when none is missing.
+//! [`run()`] visits them on several threads. A [`Journal`] stores each row as it finishes and becomes the final files when none is missing.
 //! The caller defines a row, the data passed to a neighbour, and the work at a point.
 //!
 //! The final files depend on the plan and the work alone: neither on the number of threads nor on the number of interruptions.

@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 
 use super::{
     Begin, Plan, Share, SweepError,
-    files::{self, PartFile},
+    files::{self, UnfinishedFile},
     source::{Lines, Ordered, Source, same, share_of, with_share},
 };
 use crate::output::{self, Folder, OutputError, Request, failed};
@@ -450,12 +450,12 @@ impl Records {
         found: &[(&str, Value)],
     ) -> Result<(), SweepError> {
         for (i, name) in tables.iter().enumerate() {
-            let mut table = PartFile::create(&self.folder, name)?;
+            let mut table = UnfinishedFile::create(&self.folder, name)?;
             write(self, i, &mut |line| Ok(table.write(&format!("{line}\n"))?))?;
             table.publish()?;
         }
         for (name, text) in others {
-            let mut part = PartFile::create(&self.folder, name)?;
+            let mut part = UnfinishedFile::create(&self.folder, name)?;
             part.write(text)?;
             part.publish()?;
         }
@@ -469,7 +469,7 @@ impl Records {
         header.extend(found.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
         header.insert("crc32".to_owned(), files::own_sum(&header).into());
         let seal = format!("{:#}\n", Value::from(header));
-        let mut part = PartFile::create(&self.folder, self.kept.files[1])?;
+        let mut part = UnfinishedFile::create(&self.folder, self.kept.files[1])?;
         part.write(&seal)?;
         part.publish()?;
         // The records are no longer needed. The lock is held until the file is removed.

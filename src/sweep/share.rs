@@ -14,7 +14,7 @@ pub struct Share {
 impl Share {
     /// All of the work.
     pub const ALL: Self = Self { part: 0, of: 1 };
-    /// Most parts.
+    /// Maximum number of parts.
     pub const MOST: usize = 100_000;
 
     /// Returns whether chain number `chain` is in this part.

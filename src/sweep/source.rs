@@ -36,7 +36,7 @@ pub(super) struct Source {
     /// Places of the first record and behind the last one, bytes.
     pub begin: u64,
     pub end: u64,
-    /// Number of rows; larger row numbers are invalid.
+    /// Number of rows; a row number is less.
     rows: usize,
 }
 

@@ -1,6 +1,6 @@
 //! Action of a contact in a mode: the only link between contact laws and the states of contacts.
 //!
-//! A contact without an [`Acting`] only has a deflection, which its guards may watch. Everything else about forces, energies, guards and
+//! A contact without an [`ActiveContact`] only has a deflection, which its guards may watch. Everything else about forces, energies, guards and
 //! methods is derived from it.
 
 use super::{

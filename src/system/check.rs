@@ -59,7 +59,7 @@ impl Spec {
     /// Checks that a [`Structure`](super::Structure) can be assembled from the specification.
     ///
     /// # Errors
-    /// [`AssembleError`] if shapes do not fit, the mass matrix is not symmetric, or a number is not finite or out of its range. Likewise if
+    /// [`AssembleError`] if shapes do not fit, the mass matrix is not symmetric, or a number is not finite or out of its range, and if
     /// the parts of a contact do not fit together. Only its factorisation shows whether the mass matrix is positive definite.
     pub fn check(&self) -> Result<(), AssembleError> {
         let n = self.freedoms.len();

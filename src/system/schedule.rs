@@ -36,7 +36,7 @@ fn ratio(clock: f64, period: f64) -> Option<(i64, i64)> {
     }
 }
 
-/// Largest such number: periods of a clock in a common cycle.
+/// Largest number of periods of a clock in a common cycle.
 const MOST: f64 = super::common::MOST as f64;
 
 impl Schedule {

@@ -373,8 +373,8 @@ impl Structure {
         Ok(())
     }
 
-    /// Returns the contacts of `pressed` that carry the load: all that rest, if no multiplier of least norm pulls. Otherwise those that
-    /// carry it in the solution, and those that are independent of them.
+    /// Returns the contacts of `pressed` that carry the load: all that rest, if no multiplier of least norm pulls. Otherwise it returns
+    /// those that carry it in the solution, and those that are independent of them.
     fn sharing(&self, pressed: &Set, w: &[Vector], d: &Vector, solution: &Solution) -> Sticking {
         let of = |set: &[usize]| Sticking::of(self, set.iter().map(|i| pressed[*i].contact));
         let rests = |i: &usize| solution.rest[*i] >= -solution.slack[*i];

@@ -4,6 +4,8 @@
 
 mod architecture;
 mod documents;
+#[cfg(feature = "import")]
+mod fuzz;
 mod pages;
 mod readers;
 #[cfg(feature = "cli")]

@@ -1,7 +1,7 @@
 //! The pages: their links and pictures exist, their commands run and print what the pages say, their numbers come from these commands.
 //!
 //! A block `sh` is run in a folder with `examples`, its lines one after the other, as far as they call `flank`. Each line of the block `text`
-//! below it must be printed. A block `sh slow` is run with the ignored tests; else its arguments alone are read. With `FLANK_WRITE=1`
+//! below it must be printed; a block without a word is an excerpt that differs from run to run. A block `sh slow` is run with the ignored tests; else its arguments alone are read. With `FLANK_WRITE=1`
 //! pictures of the gallery are written in place of compared.
 
 use std::{
@@ -66,6 +66,20 @@ fn anchor(heading: &str) -> String {
 /// Targets of links and pictures in a line.
 fn targets(line: &str) -> impl Iterator<Item = &str> {
     line.split("](").skip(1).filter_map(|rest| rest.split(')').next())
+}
+
+#[test]
+fn blocks_of_json_are_json() {
+    let mut count = 0;
+    for page in pages() {
+        let text = read(&page);
+        for block in parts(&text).0.iter().filter(|block| block.info == "json") {
+            let value: Result<serde_json::Value, _> = serde_json::from_str(&block.text);
+            assert!(value.is_ok(), "{page}:{}: {}", block.line, value.unwrap_err());
+            count += 1;
+        }
+    }
+    assert!(count >= 10, "{count} blocks");
 }
 
 #[test]
@@ -235,36 +249,35 @@ pub mod commands {
     #[test]
     #[ignore = "takes minutes"]
     fn slow_commands_run_and_print_what_the_pages_say() {
-        for page in pages().iter().filter(|page| *page != "docs/GALLERY.md") {
-            printed(page, "sh slow");
-        }
+        let pages = pages();
+        let counts = pages.iter().filter(|page| *page != "docs/GALLERY.md").map(|page| printed(page, "sh slow").1);
+        let commands: usize = counts.sum();
+        assert!(commands >= 5, "{commands} commands");
     }
 
-    /// The digits of a number as a whole number, and how many there are: leading and, of whole numbers, trailing zeros apart.
-    fn digits(word: &str) -> Option<(String, i32)> {
-        let mantissa = word.split(['e', 'E']).next()?;
-        if word.parse::<f64>().is_err() || !mantissa.starts_with(|c: char| c.is_ascii_digit()) {
+    /// A number: its value, how many digits it has without leading zeros, and a unit of its last digit.
+    fn parsed(word: &str) -> Option<(f64, usize, f64)> {
+        let (mantissa, power) = word.split_once(['e', 'E']).unwrap_or((word, "0"));
+        if !mantissa.starts_with(|c: char| c.is_ascii_digit()) {
             return None;
         }
-        let all: String = mantissa.chars().filter(char::is_ascii_digit).collect();
-        let digits = all.trim_start_matches('0').to_owned();
-        let count = digits.len() as i32;
-        Some((digits, count))
+        let decimals = mantissa.split_once('.').map_or(0, |(_, decimals)| decimals.len() as i32);
+        let digits = mantissa.chars().filter(char::is_ascii_digit).skip_while(|digit| *digit == '0').count();
+        Some((word.parse().ok()?, digits, 10f64.powi(power.parse::<i32>().ok()? - decimals)))
     }
 
     /// Numbers of a text with three digits or more, as words.
     fn numbers(text: &str) -> Vec<&str> {
         let words = text.split(|c: char| !(c.is_ascii_alphanumeric() || ".-+".contains(c)));
         let words = words.map(|word| word.trim_matches(|c: char| ".-+".contains(c)));
-        words.filter(|word| digits(word).is_some_and(|(_, count)| count >= 3)).collect()
+        words.filter(|word| parsed(word).is_some_and(|(_, digits, _)| digits >= 3)).collect()
     }
 
-    /// Tells that `exact` rounds to `said` with the digits of `said`, in whatever unit of a power of ten.
+    /// Tells that `exact` rounds to `said` with the digits of `said`: in the same unit, a prefix of it, or per cent.
     fn rounds_to(exact: &str, said: &str) -> bool {
-        let (Some((a, _)), Some((b, count))) = (digits(exact), digits(said)) else { return false };
-        let value = |digits: &str| format!("0.{digits}").parse::<f64>().unwrap_or(0.0);
+        let (Some((exact, ..)), Some((said, _, unit))) = (parsed(exact), parsed(said)) else { return false };
         // Half a unit of the last digit that is said, and what doubles make of it.
-        (value(&a) - value(&b)).abs() <= 0.5001 * 10f64.powi(-count)
+        [0, 2, 3, 6, 9, -3, -6, -9].iter().any(|power| (exact * 10f64.powi(*power) - said).abs() <= 0.5001 * unit)
     }
 
     #[test]

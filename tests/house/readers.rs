@@ -2,9 +2,7 @@
 
 #![cfg(feature = "import")]
 
-#[path = "../../.ci/fuzz/readers.rs"]
-mod fuzz;
-
+use super::fuzz;
 use proptest::{prelude::*, sample::Index};
 
 /// Scenes whose bytes are changed, and a gearbox.

@@ -22,7 +22,7 @@ pub enum Fate {
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct Held {
+pub struct HeldContact {
     pub contact: usize,
     pub side: f64,
     pub fate: Fate,
@@ -32,7 +32,7 @@ pub struct Held {
 
 #[derive(Default)]
 pub struct Rest {
-    pub contacts: Vec<Held>,
+    pub contacts: Vec<HeldContact>,
     /// Why it could not be decided.
     pub doubt: Option<String>,
 }
@@ -49,7 +49,7 @@ impl Rest {
     }
 
     fn with(contacts: impl Iterator<Item = (usize, f64)>, fate: Fate) -> Self {
-        let contacts = contacts.map(|(contact, side)| Held { contact, side, fate, zeros: 2 }).collect();
+        let contacts = contacts.map(|(contact, side)| HeldContact { contact, side, fate, zeros: 2 }).collect();
         Self { contacts, doubt: None }
     }
 

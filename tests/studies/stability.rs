@@ -9,7 +9,7 @@ use flank::{
     Simulation, Task,
     accuracy::{
         Contender,
-        stability::{LongRule, Map, MapPlan, Outcome},
+        stability::{LongRunRule, Map, MapPlan, Outcome},
     },
     gear::contact::{Law, Rigid},
     system::Structure,
@@ -27,7 +27,7 @@ fn made(simulation: &Simulation, methods: &[&str], factors: &[f64], steps: &[u64
         steps: steps.to_vec(),
         methods: methods.iter().map(|word| Contender::parse(word).unwrap()).collect(),
         references: Vec::new(),
-        rule: LongRule { cycles: 60, ..LongRule::default() },
+        rule: LongRunRule { cycles: 60, ..LongRunRule::default() },
     };
     Map::make(simulation, &plan, Task::default()).unwrap().unwrap()
 }
@@ -169,7 +169,7 @@ fn an_interrupted_map_is_none() {
         steps: vec![11],
         methods: vec![Contender::parse("rk4").unwrap()],
         references: Vec::new(),
-        rule: LongRule::default(),
+        rule: LongRunRule::default(),
     };
     assert!(Map::make(&pair(), &plan, Task::new(&AtomicBool::new(true), &|_| ())).unwrap().is_none());
 }

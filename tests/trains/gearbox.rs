@@ -195,15 +195,15 @@ fn axial_forces() {
     }
 }
 
-/// A gear drawn as involutes: the polar angle of a flank at radius ρ, from the middle of the tooth.
-struct Drawn {
+/// Flanks of a gear as involutes: the polar angle of a flank at radius ρ, from the middle of the tooth.
+struct ToothFlanks {
     base: f64,
     reference: f64,
     half: f64,
     tip: f64,
 }
 
-impl Drawn {
+impl ToothFlanks {
     fn new(teeth: u32, shift: f64) -> Self {
         let rack = BasicRack {
             module: 2e-3,
@@ -234,7 +234,14 @@ impl Drawn {
 }
 
 /// The contact of a pinion's tooth at angle `tooth`: its radius on the pinion, and the angle of the wheel's tooth (of a ring: space).
-fn contact(pinion: &Drawn, wheel: &Drawn, centre: [f64; 2], is_ring: bool, sense: f64, tooth: f64) -> (f64, f64) {
+fn contact(
+    pinion: &ToothFlanks,
+    wheel: &ToothFlanks,
+    centre: [f64; 2],
+    is_ring: bool,
+    sense: f64,
+    tooth: f64,
+) -> (f64, f64) {
     let angle = |rho: f64| {
         let polar = tooth + sense * pinion.flank(rho);
         let (x, y) = (rho * polar.cos() - centre[0], rho * polar.sin() - centre[1]);
@@ -258,7 +265,7 @@ fn contact(pinion: &Drawn, wheel: &Drawn, centre: [f64; 2], is_ring: bool, sense
 
 /// Phases of a row of gears from drawn involutes: each wheel stands where the flank of the one before it touches it.
 fn drawn_phases(gears: &[(u32, f64, bool)], spec: &Spec, angles: &[f64]) -> Vec<f64> {
-    let drawn: Vec<Drawn> = gears.iter().map(|(teeth, shift, _)| Drawn::new(*teeth, *shift)).collect();
+    let drawn: Vec<ToothFlanks> = gears.iter().map(|(teeth, shift, _)| ToothFlanks::new(*teeth, *shift)).collect();
     let mut phases = Vec::new();
     let (mut sense, mut tooth) = (1.0, None::<f64>);
     for i in 1..gears.len() {

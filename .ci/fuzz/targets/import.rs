@@ -1,6 +1,6 @@
 #![no_main]
 
-#[path = "../readers.rs"]
+#[path = "../../../tests/house/fuzz.rs"]
 #[allow(dead_code)] // each target has one of its functions
 mod readers;
 

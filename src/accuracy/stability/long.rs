@@ -29,7 +29,7 @@ use crate::{
 ///   taken from the scatter of ten parts of either, where that is more (five, for a map asks a thousand such questions). A
 ///   motion that never returns has no orbit to compare.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct LongRule {
+pub struct LongRunRule {
     /// Cycles in which the sequence of events is compared, at most; fewer where the motion amplifies errors.
     pub window: u64,
     /// Growth of errors in the window, at most: see [`Window`](crate::accuracy::Window).
@@ -44,7 +44,7 @@ pub struct LongRule {
     pub statistics: f64,
 }
 
-impl Default for LongRule {
+impl Default for LongRunRule {
     fn default() -> Self {
         Self { window: 20, growth: 1e3, cycles: 100, settled: 1e-4, apart: 0.05, statistics: 0.1 }
     }
@@ -101,7 +101,7 @@ impl MotionSections {
         Self { sections, period: None }
     }
 
-    fn take(&mut self, x: &[f64], rule: &LongRule) {
+    fn take(&mut self, x: &[f64], rule: &LongRunRule) {
         let found = self.sections.take(x, rule.settled);
         self.period = self.period.or(found.map(|(period, _)| period));
     }
@@ -112,7 +112,7 @@ impl EngineMotion {
     pub(super) fn find(
         problem: &Problem<'_>,
         truth: &Truth,
-        rule: &LongRule,
+        rule: &LongRunRule,
         task: Task<'_>,
     ) -> Result<Option<Self>, AccuracyError> {
         let n = problem.structure().freedoms();
@@ -153,7 +153,7 @@ impl EngineMotion {
         (problem, truth): (&Problem<'_>, &Truth),
         contender: &Contender,
         per_cycle: u64,
-        rule: &LongRule,
+        rule: &LongRunRule,
         task: Task<'_>,
     ) -> Option<Cell> {
         let SolverKind::Fixed(method) = contender.kind else { panic!("{} has no fixed step", contender.name) };
@@ -232,7 +232,7 @@ impl EngineMotion {
     }
 
     /// Returns whether the statistics of another irregular motion agree with those of this one.
-    fn agrees(&self, other: &[[f64; PARTS as usize]], rule: &LongRule) -> bool {
+    fn agrees(&self, other: &[[f64; PARTS as usize]], rule: &LongRunRule) -> bool {
         let mean = |parts: &[f64; PARTS as usize]| parts.iter().sum::<f64>() / PARTS as f64;
         // Squared error of the mean of the parts.
         let error = |parts: &[f64; PARTS as usize]| {
@@ -265,7 +265,7 @@ fn parts(model: &Penalty, found: &[Crossing], closed: &[bool], period: f64, cycl
 /// Observer of a fixed-step run: records its sections, and stops a motion that leaves the bounds.
 struct Watcher<'a> {
     model: &'a Penalty,
-    rule: &'a LongRule,
+    rule: &'a LongRunRule,
     per_cycle: u64,
     bounds: [f64; 2],
     window: u64,

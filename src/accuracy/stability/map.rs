@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{EngineMotion, LongRule};
+use super::{EngineMotion, LongRunRule};
 use crate::{
     accuracy::{AccuracyError, Contender, Problem, Truth, Window},
     gear::{Stiffness, contact::Law},
@@ -25,7 +25,7 @@ pub struct MapPlan {
     /// Steps in common use, with their names; run where the factor is 1.
     pub references: Vec<Reference>,
     /// Rule by which motions are compared.
-    pub rule: LongRule,
+    pub rule: LongRunRule,
 }
 
 /// A step in common use.
@@ -47,7 +47,7 @@ pub struct Reference {
 /// | missed | fewer passages of flanks than the truth has in its window |
 /// | spurious | more passages |
 /// | displaced | as many, but some of them not within 2 % of a cycle of those of the truth, or in another order |
-/// | attractor | the sequence is right, and the motion in the long run is another: see [`Rule`](super::Rule) |
+/// | attractor | the sequence is right, and the motion in the long run is another: see [`Rule`](super::LongRunRule) |
 /// | right | the rest |
 ///
 /// All energies are those of the sections, the starts of cycles: kinetic energy, supports and contact springs, sharp flanks.
@@ -165,7 +165,7 @@ pub struct Map {
     /// Steps in common use.
     pub references: Vec<Reference>,
     /// Rule by which motions were compared.
-    pub rule: LongRule,
+    pub rule: LongRunRule,
     /// Rows, one for each factor.
     pub rows: Vec<FactorRow>,
 }

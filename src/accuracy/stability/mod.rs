@@ -9,6 +9,6 @@ mod long;
 mod map;
 mod page;
 
-pub use long::{EngineMotion, LongRule};
+pub use long::{EngineMotion, LongRunRule};
 pub(super) use map::highest_frequency;
 pub use map::{Cell, FactorRow, Map, MapPlan, Outcome, Reference};

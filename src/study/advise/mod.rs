@@ -1,6 +1,6 @@
 //! Sufficient models of a scene: the same scene at falling fidelity, with the change and the saving of each step.
 //!
-//! [`Plan`] finds possible simplifications and the groups of freedoms; its [`Plan::advice`] measures the steady motion of every simpler
+//! [`AdvisePlan`] finds possible simplifications and the groups of freedoms; its [`AdvisePlan::advice`] measures the steady motion of every simpler
 //! model and compares it with that of the scene. No function here reads a clock: costs are counted in steps and events, and
 //! [`Rung::advance`] allows timing.
 
@@ -37,7 +37,7 @@ use super::{
 };
 use crate::{scene::Scene, task::Task};
 
-/// Most groups of freedoms that are tried; of more, those with the smallest share in the motion.
+/// Maximum number of groups of freedoms that are tried; of more, those with the smallest share in the motion.
 const GROUPS: usize = 24;
 
 /// Simplifications that can be tried on a scene.

@@ -14,7 +14,7 @@ use crate::{
 
 /// Samples of a path in a mesh period.
 pub(super) const PER_CYCLE: u32 = 128;
-/// Most paths beside each other.
+/// Maximum number of paths beside each other.
 const MOST_COLUMNS: usize = 4;
 /// Approximate mesh periods of paths in a frame at rest.
 const SHOWN: u64 = 16;

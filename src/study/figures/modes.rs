@@ -16,7 +16,7 @@ use crate::{
     },
 };
 
-/// Most modes drawn.
+/// Maximum number of modes drawn.
 const DRAWN: usize = 12;
 /// Frequencies below this share of the highest one are rounding of a body that moves freely.
 const RIGID: f64 = 1e-6;

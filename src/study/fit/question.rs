@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::super::{FigureKind, StudyError, file, plan::Plan};
 use crate::scene::SceneError;
 
-/// Most octaves that an implausible number pays for: zero is infinitely many below a plausible range.
+/// Maximum number of octaves that an implausible number pays for: zero is infinitely many below a plausible range.
 const MOST_OCTAVES: f64 = 8.0;
 
 /// Number that is sought.

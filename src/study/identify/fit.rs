@@ -22,7 +22,7 @@ const STEP: f64 = 1e-5;
 const GRADIENT: f64 = 1e-5;
 /// Relative decrease of χ² in a step below which a descent ends.
 const PROGRESS: f64 = 1e-8;
-/// Most steps of a descent; those that converge take a few tens.
+/// Maximum number of steps of a descent; those that converge take a few tens.
 const ITERATIONS: u64 = 100;
 /// Distance from a bound, as a share of the range, within which a minimum is tried on the bound: the method avoids bounds.
 const AT_BOUND: f64 = 1e-4;

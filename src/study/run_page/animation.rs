@@ -10,7 +10,7 @@ use crate::{
 /// Frames of a cycle, and most frames of an animation.
 const FRAMES: usize = 100;
 const MOST_FRAMES: usize = 400;
-/// Most contacts of an animation.
+/// Maximum number of contacts of an animation.
 const GAUGES: usize = 8;
 /// Share of the train's size at which the largest motion beside the mean rotation is drawn.
 const DRAWN: f64 = 0.015;

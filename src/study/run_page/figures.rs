@@ -14,7 +14,7 @@ use crate::{
 
 /// Cycles drawn as a curve in phase space.
 const CURVE: u64 = 16;
-/// Most contacts drawn: the first ones of their families.
+/// Maximum number of contacts drawn: the first ones of their families.
 const MOST: usize = 4;
 /// Highest order of a spectrum, and smallest amplitude drawn, relative to the largest.
 const HIGHEST: f64 = 24.0;

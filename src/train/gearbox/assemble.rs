@@ -65,7 +65,7 @@ impl Gearbox {
         self.shafts.iter().flat_map(of_shaft).chain(loose).collect()
     }
 
-    /// Index of the rotation of a gear, and metres on its base circle per unit of that degree of freedom.
+    /// Returns the index of the rotation of a gear, and metres on its base circle per unit of that degree of freedom.
     fn rotation(&self, gear: usize, base_radius: f64, radii: &[f64]) -> (usize, f64) {
         let shaft = self.gears[gear].shaft;
         if self.gears[gear].is_loose {

@@ -18,7 +18,7 @@ const SAME_DIRECTION: f64 = 1e-6;
 
 /// A mesh in place.
 #[derive(Clone, Debug, PartialEq)]
-pub struct MeshLine {
+pub struct PlacedMesh {
     /// Numbers of pinion and wheel.
     pub gears: [usize; 2],
     /// Geometry of the teeth in their working position, with the path of the driving gear.
@@ -49,13 +49,13 @@ pub struct Layout {
     /// Centres of the shafts, m, at time 0.
     pub centres: Vec<[f64; 2]>,
     /// Meshes.
-    pub lines: Vec<MeshLine>,
+    pub lines: Vec<PlacedMesh>,
 }
 
 /// The given speed, rad/s, and the speeds of shafts and gears relative to it.
 type Turning = (f64, Vec<Speed>, Vec<Speed>);
 /// Centres of the shafts, and the meshes between them.
-type ShaftCentres = (Vec<[f64; 2]>, Vec<MeshLine>);
+type ShaftCentres = (Vec<[f64; 2]>, Vec<PlacedMesh>);
 
 impl Layout {
     /// Mean speed of shaft `i`, rad/s, counter-clockwise positive.
@@ -78,7 +78,7 @@ impl Layout {
 
     /// Base radius of a gear, m, if it is in mesh.
     pub(super) fn base_radius(&self, gear: usize) -> Option<f64> {
-        let of = |line: &MeshLine| Some(line.geometry.base_radii[line.gears.iter().position(|g| *g == gear)?]);
+        let of = |line: &PlacedMesh| Some(line.geometry.base_radii[line.gears.iter().position(|g| *g == gear)?]);
         self.lines.iter().find_map(of)
     }
 
@@ -339,7 +339,7 @@ impl Gearbox {
             // The mesh is then the same in the axes of every planet of a stage, to the last bit.
             let carried = mesh.gears.iter().filter_map(|gear| self.shafts[self.gears[*gear].shaft].carried);
             let pitch = carried.map(|(_, psi)| psi).find(|psi| is_rounding(psi - pitch)).unwrap_or(pitch);
-            lines.push(MeshLine {
+            lines.push(PlacedMesh {
                 gears,
                 geometry,
                 pitch,

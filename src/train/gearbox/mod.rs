@@ -28,7 +28,7 @@ mod layout;
 mod loads;
 mod phases;
 
-pub use layout::{Layout, MeshLine};
+pub use layout::{Layout, PlacedMesh};
 
 use super::Support;
 use crate::gear::{BasicRack, Gear, Harmonic, MeshKind};

@@ -14,7 +14,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::{Gearbox, GearboxFault, MeshLine, Part, ShaftGear, layout::is_rounding};
+use super::{Gearbox, GearboxFault, Part, PlacedMesh, ShaftGear, layout::is_rounding};
 use crate::gear::MeshKind;
 
 /// Largest misfit of teeth, as a part of a pitch: angles in a scene are rounded.
@@ -33,7 +33,7 @@ struct GearInMesh {
 
 impl GearInMesh {
     /// Ends of a mesh, pinion first.
-    fn both(gearbox: &Gearbox, i: usize, line: &MeshLine) -> [Self; 2] {
+    fn both(gearbox: &Gearbox, i: usize, line: &PlacedMesh) -> [Self; 2] {
         let is_internal = line.geometry.kind == MeshKind::Internal;
         let of = |k: usize, sense: f64, pitch: f64| {
             let gear = gearbox.gears[line.gears[k]].teeth;
@@ -56,18 +56,18 @@ impl GearInMesh {
 }
 
 /// The angle of a tooth of gear `k` of mesh `i` at time 0, rad.
-pub(super) fn tooth_angle(gearbox: &Gearbox, i: usize, line: &MeshLine, k: usize) -> f64 {
+pub(super) fn tooth_angle(gearbox: &Gearbox, i: usize, line: &PlacedMesh, k: usize) -> f64 {
     GearInMesh::both(gearbox, i, line)[k].angle(line.phase)
 }
 
-/// Number of the body that turns as one with a gear: a shaft with its fixed gears, or a loose gear.
+/// Returns the number of the body that turns as one with a gear: a shaft with its fixed gears, or a loose gear.
 fn rotor(gearbox: &Gearbox, gear: usize) -> usize {
     let ShaftGear { shaft, is_loose, .. } = gearbox.gears[gear];
     if is_loose { gearbox.shafts.len() + gear } else { shaft }
 }
 
 /// Sets the phases of all meshes.
-pub(super) fn set(gearbox: &Gearbox, lines: &mut [MeshLine]) -> Result<(), Vec<GearboxFault>> {
+pub(super) fn set(gearbox: &Gearbox, lines: &mut [PlacedMesh]) -> Result<(), Vec<GearboxFault>> {
     let mut angles: Vec<Option<f64>> = vec![None; gearbox.shafts.len() + gearbox.gears.len()];
     let on_shaft = |gear: usize| gearbox.gears[gear].tooth_angle.unwrap_or(0.0);
     let ends: Vec<[GearInMesh; 2]> =
@@ -107,7 +107,7 @@ pub(super) fn set(gearbox: &Gearbox, lines: &mut [MeshLine]) -> Result<(), Vec<G
 /// Sets the phase of a mesh between gears with known angles.
 fn close(
     gearbox: &Gearbox,
-    lines: &mut [MeshLine],
+    lines: &mut [PlacedMesh],
     ends: &[[GearInMesh; 2]],
     angles: &[Option<f64>],
     i: usize,

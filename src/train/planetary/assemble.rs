@@ -92,7 +92,7 @@ impl Planetary {
         Ok(Drawing { gears, points: points.concat() })
     }
 
-    /// Index of the first degree of freedom of the carrier among all.
+    /// Returns the index of the first degree of freedom of the carrier among all.
     fn carrier_row(&self) -> usize {
         3 + 3 * self.planets.len()
     }

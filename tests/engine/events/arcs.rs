@@ -34,20 +34,20 @@ impl Observer for First {
 
 /// Keeps records, and compares the end of what it was shown with them.
 #[derive(Default)]
-pub struct Shown {
+pub struct ArcEnds {
     pub records: Vec<EventRecord>,
     pub worst: f64,
     end: Vec<f64>,
 }
 
-impl Shown {
+impl ArcEnds {
     /// Of states of this length.
     pub fn of(dim: usize) -> Self {
         Self { end: vec![0.0; dim], ..Self::default() }
     }
 }
 
-impl Observer for Shown {
+impl Observer for ArcEnds {
     fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         step.state(until, &mut self.end);
         ControlFlow::Continue(())

@@ -22,12 +22,12 @@ use super::{
 };
 
 /// Keeps records; steps are looked at, or not.
-struct Kept {
+struct Records {
     sees_steps: bool,
     records: Vec<EventRecord>,
 }
 
-impl Observer for Kept {
+impl Observer for Records {
     fn wants_steps(&self, _: &Mode) -> bool {
         self.sees_steps
     }
@@ -40,7 +40,7 @@ impl Observer for Kept {
 
 /// A run to `end`, by steps that are looked at or by leaps.
 fn course(system: &Structure, start: &State, end: Instant, sees_steps: bool) -> (Vec<EventRecord>, State, Counters) {
-    let mut kept = Kept { sees_steps, records: Vec::new() };
+    let mut kept = Records { sees_steps, records: Vec::new() };
     let mut engine = engine(system, start.clone(), Options::default());
     engine.run(end, &mut kept).unwrap();
     (kept.records, engine.state().clone(), engine.counters())

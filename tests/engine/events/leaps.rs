@@ -18,7 +18,7 @@ use flank::{
 use proptest::prelude::*;
 
 use super::{
-    arcs::{First, Shown, agreed},
+    arcs::{ArcEnds, First, agreed},
     support::{engine, run, state, walled},
 };
 
@@ -75,7 +75,7 @@ fn l38_an_observer_of_steps_changes_no_bit_of_the_motion() {
     for law in laws() {
         let system = driven(law, 0.3, 1.0, 0.4, 0.05);
         let plain = run(&system, &[0.0], &[0.2], 100.0);
-        let mut shown = Shown::of(2);
+        let mut shown = ArcEnds::of(2);
         let mut engine = engine(&system, state(&system, &[0.0], &[0.2]), Options::default());
         engine.run(system.clock().instant(100.0), &mut shown).unwrap();
         assert_eq!(shown.records, plain.records, "{law:?}");

@@ -14,7 +14,7 @@ use flank::{
 use proptest::prelude::*;
 
 use super::{
-    arcs::{First, Shown, agreed},
+    arcs::{ArcEnds, First, agreed},
     support::{engine, run, state, walled},
 };
 
@@ -106,7 +106,7 @@ fn l39_a_contact_that_hardly_opens_is_not_stepped_over() {
 
 /// Everything that may act: loads, a moving wall, the body's own spring and damper.
 #[derive(Clone, Copy, Debug)]
-struct Drawn {
+struct Numbers {
     exponent: usize,
     hysteresis: f64,
     stiffness: f64,
@@ -119,7 +119,7 @@ struct Drawn {
     wall: usize,
 }
 
-impl Drawn {
+impl Numbers {
     fn system(&self) -> Structure {
         let walls = [Walls::Above { position: 0.1 }, Walls::Below { position: -0.1 }, Walls::Between { half_gap: 0.1 }]
             [self.wall];
@@ -144,7 +144,7 @@ impl Drawn {
     }
 }
 
-fn drawn() -> impl Strategy<Value = Drawn> {
+fn drawn() -> impl Strategy<Value = Numbers> {
     let numbers = (
         0..EXPONENTS.len(),
         0.0..0.8,
@@ -157,17 +157,19 @@ fn drawn() -> impl Strategy<Value = Drawn> {
         0.0..0.5,
         0..3usize,
     );
-    numbers.prop_map(|(exponent, hysteresis, stiffness, load, amplitude, phase, motion, spring, damping, wall)| Drawn {
-        exponent,
-        hysteresis,
-        stiffness: 10.0_f64.powf(stiffness),
-        load,
-        amplitude,
-        phase,
-        motion,
-        spring,
-        damping,
-        wall,
+    numbers.prop_map(|(exponent, hysteresis, stiffness, load, amplitude, phase, motion, spring, damping, wall)| {
+        Numbers {
+            exponent,
+            hysteresis,
+            stiffness: 10.0_f64.powf(stiffness),
+            load,
+            amplitude,
+            phase,
+            motion,
+            spring,
+            damping,
+            wall,
+        }
     })
 }
 
@@ -229,7 +231,7 @@ fn l39_an_observer_of_steps_changes_no_bit_of_the_motion() {
     for exponent in EXPONENTS {
         let system = bouncing(exponent, 0.2, 0.0);
         let plain = run(&system, &[0.4], &[0.0], 20.0);
-        let mut shown = Shown::of(3);
+        let mut shown = ArcEnds::of(3);
         let mut engine = engine(&system, state(&system, &[0.4], &[0.0]), Options::default());
         engine.run(system.clock().instant(20.0), &mut shown).unwrap();
         assert_eq!(shown.records, plain.records, "{exponent}");
