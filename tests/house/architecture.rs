@@ -209,7 +209,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("hybrid", 1570),
     ("import", 2790),
     ("integrate", 1800),
-    ("kernel", 8060),
+    ("kernel", 8070),
     ("linalg", 200),
     ("map", 3450),
     ("orbit", 4340),
