@@ -47,7 +47,7 @@ pub struct Reference {
 /// | missed | fewer passages of flanks than the truth has in its window |
 /// | spurious | more passages |
 /// | displaced | as many, but some of them not within 2 % of a cycle of those of the truth, or in another order |
-/// | attractor | the sequence is right, and the motion in the long run is another: see [`Rule`](super::LongRunRule) |
+/// | attractor | the sequence is right, and the motion in the long run is another: see [`LongRunRule`] |
 /// | right | the rest |
 ///
 /// All energies are those of the sections, the starts of cycles: kinetic energy, supports and contact springs, sharp flanks.
