@@ -60,6 +60,7 @@ pub mod analysis;
 pub mod branch;
 pub mod engine;
 pub mod ensemble;
+mod error;
 pub mod event;
 pub mod gear;
 pub mod hybrid;
@@ -83,6 +84,9 @@ pub mod verify;
 // Public for the program and the tests, without a promise.
 #[doc(hidden)]
 pub mod baseline;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
 #[doc(hidden)]
 pub mod linalg;
 #[doc(hidden)]
@@ -92,6 +96,7 @@ pub mod plot;
 #[doc(hidden)]
 pub mod poly;
 
+pub use error::Error;
 pub use simulation::Simulation;
 pub use task::{Progress, Task};
 pub use vectors::Instructions;

@@ -1,12 +1,7 @@
-//! The command line of Flank. Exit codes: 0 done, 1 the run failed or was stopped, 2 bad usage or scene.
-
-mod cli;
+//! The command line of Flank.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    match cli::execute(cli::Arguments::read()) {
-        Ok(done) => done.code(),
-        Err(error) => error.report(),
-    }
+    ExitCode::from(flank::cli::main(std::env::args_os()))
 }

@@ -2,8 +2,12 @@
 
 use std::{path::PathBuf, time::Instant};
 
-use flank::{
-    Task,
+use serde::Serialize;
+use serde_json::json;
+
+use super::{Completion, pictures::Pictures, print, progress::counted, read_scene, report_line, request, wrapped};
+use crate::{
+    Error, Task,
     accuracy::median,
     plot::Report,
     study::{
@@ -11,12 +15,6 @@ use flank::{
         advise::{Advice, AdvisePlan, Rung},
         steady::Rule,
     },
-};
-use serde::Serialize;
-use serde_json::json;
-
-use super::{
-    CliError, Completion, pictures::Pictures, print, progress::counted, read_scene, report_line, request, wrapped,
 };
 
 /// Arguments of `flank advise`.
@@ -71,7 +69,7 @@ const REPETITIONS: usize = 5;
 const STEPS: f64 = 4_000.0;
 
 /// Runs `flank advise`.
-pub fn execute(arguments: &AdviseArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &AdviseArguments) -> Result<Completion, Error> {
     let form = arguments.pictures.print()?;
     let plan = AdvisePlan::new(&read_scene(arguments.scene.as_deref())?)?;
     // Refused before any run, created with the first output.

@@ -5,22 +5,22 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use flank::{
-    Task,
-    map::{Attractor, BasinResult, Basins, BasinsError, Measured, basins_figure},
-    output::{Fault, Table, read_text},
-    plot::Print,
-    scene::Scene,
-    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
-};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    CliError, Completion,
+    Completion,
     map::RuleArguments,
     pictures::Pictures,
     work::{self, LongWork, Merge, Points, stem},
+};
+use crate::{
+    Error, Task,
+    map::{Attractor, BasinResult, Basins, Measured, basins_figure},
+    output::{Fault, Table, read_text},
+    plot::Print,
+    scene::Scene,
+    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
 };
 
 /// Maximum number of attractors in the printed table.
@@ -83,16 +83,6 @@ fn text(found: &BasinResult) -> String {
     out
 }
 
-impl From<BasinsError> for CliError {
-    fn from(error: BasinsError) -> Self {
-        match error {
-            BasinsError::Simulation(error) => error.into(),
-            BasinsError::Sweep(error) => error.into(),
-            error => Self::file("basins", std::io::Error::other(error)),
-        }
-    }
-}
-
 /// Basins, the form of their figure, and the file of their survey.
 struct Plane {
     basins: Basins,
@@ -126,12 +116,12 @@ impl Points for Plane {
         rows
     }
 
-    fn run(&self, rows: &mut Records, _: &LongWork, task: Task<'_>) -> Result<Ending, CliError> {
+    fn run(&self, rows: &mut Records, _: &LongWork, task: Task<'_>) -> Result<Ending, Error> {
         let Some(survey) = self.survey(task)? else { return Ok(Ending::Interrupted) };
         Ok(self.basins.run(rows, &survey, task)?)
     }
 
-    fn finish(&self, rows: Records, work: &LongWork, out: &Path) -> Result<Completion, CliError> {
+    fn finish(&self, rows: Records, work: &LongWork, out: &Path) -> Result<Completion, Error> {
         let survey = self.survey(Task::default())?.unwrap_or_default();
         let found = self.basins.finish(rows, &survey, |found, folder| {
             basins_figure(&self.name, self.basins.grid(), found, self.basins.simulation().dimensionless)
@@ -153,21 +143,21 @@ struct Survey {
 }
 
 impl Plane {
-    fn new(arguments: &BasinsArguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+    fn new(arguments: &BasinsArguments, scene: Scene, pictures: &Pictures) -> Result<Self, Error> {
         let name = stem(scene.name());
         let basins = Basins::new(scene, &arguments.vary, arguments.rule.rule())?;
         Ok(Self { basins, name, form: pictures.print()?, survey: arguments.survey.clone() })
     }
 
     /// Returns the survey, from its file if that exists; else computes and writes it. `None` if it is interrupted.
-    fn survey(&self, task: Task<'_>) -> Result<Option<Vec<Attractor>>, CliError> {
+    fn survey(&self, task: Task<'_>) -> Result<Option<Vec<Attractor>>, Error> {
         let of = Value::Object(self.basins.header());
         if let Some(file) = self.survey.as_deref().filter(|file| file.exists()) {
             let place = file.display().to_string();
-            let text = read_text(file).map_err(|error| CliError::Unread(place.clone(), error))?;
+            let text = read_text(file).map_err(|error| Error::Unread(place.clone(), error))?;
             let fault = |found: String| {
                 let fault = Fault::new(&place, found, "the survey of these basins");
-                CliError::Arguments(vec![fault.remedy("remove the file, or name another one")])
+                Error::Arguments(vec![fault.remedy("remove the file, or name another one")])
             };
             let survey: Survey = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
             return if survey.of == of {
@@ -183,14 +173,14 @@ impl Plane {
             // Parts that begin together write the same.
             let part = file.with_extension(format!("{}.part", std::process::id()));
             let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, file));
-            written.map_err(|error| CliError::file(file.display(), error))?;
+            written.map_err(|error| Error::file(file.display(), error))?;
         }
         Ok(Some(attractors))
     }
 }
 
 /// Finds the end of each start.
-pub fn execute(arguments: &BasinsArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &BasinsArguments) -> Result<Completion, Error> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let plane = Plane::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
@@ -198,7 +188,7 @@ pub fn execute(arguments: &BasinsArguments) -> Result<Completion, CliError> {
 }
 
 /// Merges parts of basins.
-pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, CliError> {
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, Error> {
     let plane = Plane::new(&work::read(asked)?, scene, pictures)?;
     // A merge reads the survey, or computes it again; it writes only into its own folder.
     let survey = plane.survey.clone().filter(|file| file.exists());

@@ -2,9 +2,9 @@
 
 use std::{fmt::Write, path::PathBuf};
 
-use super::{CliError, open, pictures::Pictures, print, read_scene, wrapped};
-use flank::{
-    Simulation,
+use super::{open, pictures::Pictures, print, read_scene, wrapped};
+use crate::{
+    Error, Simulation,
     hybrid::{ContactMode, HybridSystem, Mode as HybridMode},
     integrate::PerMode,
     output::{Request, Table, five_digits as number},
@@ -36,12 +36,12 @@ pub struct CheckArguments {
 const STIFF: f64 = 1e3;
 
 /// Shows the train that a scene builds.
-pub fn execute(arguments: &CheckArguments) -> Result<(), CliError> {
+pub fn execute(arguments: &CheckArguments) -> Result<(), Error> {
     let form = arguments.pictures.print()?;
     let input = arguments.scene.as_deref();
     let simulation = open(input)?;
     if let Some(folder) = &arguments.out {
-        let mut files: Vec<String> = check_page::FIGURES.iter().flat_map(|id| flank::plot::Figure::files(id)).collect();
+        let mut files: Vec<String> = check_page::FIGURES.iter().flat_map(|id| crate::plot::Figure::files(id)).collect();
         files.push("report.html".to_owned());
         let mut folder = Request { folder, command: "check", input, force: arguments.force, files }.open()?;
         let page = check_page::page(&read_scene(input)?, &simulation);

@@ -2,14 +2,15 @@
 
 use std::{fs, io, path::Path};
 
-use flank::{
-    output::{Fault, Folder, OutputError, Request},
-    sweep::same,
-};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value, json};
 
-use super::{CliError, Completion, print};
+use super::{Completion, print};
+use crate::{
+    Error,
+    output::{Fault, Folder, OutputError, Request},
+    sweep::same,
+};
 
 /// Content of a checkpoint: the request, the work done so far, and the end of a finished command.
 #[derive(Deserialize)]
@@ -29,16 +30,16 @@ pub enum CommandStart<T> {
 
 impl<T: DeserializeOwned> Content<T> {
     /// Reads the checkpoint of an earlier command from `file` of `folder`, if there is one; an error if its request differs.
-    fn read(folder: &Path, file: &str, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
+    fn read(folder: &Path, file: &str, asked: &Map<String, Value>) -> Result<Option<Self>, Error> {
         let path = folder.join(file);
         let text = match fs::read(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            text => String::from_utf8_lossy(&text.map_err(|error| CliError::file(path.display(), error))?).into_owned(),
+            text => String::from_utf8_lossy(&text.map_err(|error| Error::file(path.display(), error))?).into_owned(),
         };
         let place = path.display().to_string();
         let fault = |found: String| {
             let fault = Fault::new(&place, found, "what an earlier command wrote");
-            CliError::Arguments(vec![fault.remedy("write --force to begin anew")])
+            Error::Arguments(vec![fault.remedy("write --force to begin anew")])
         };
         let content = checked(&text).ok_or_else(|| fault("damaged: its checksum does not fit".to_owned()))?;
         let content: Self = serde_json::from_str(content).map_err(|error| fault(error.to_string()))?;
@@ -61,7 +62,7 @@ impl Checkpoint {
         file: &'static str,
         asked: &Value,
         (resume, quiet): (bool, bool),
-    ) -> Result<CommandStart<T>, CliError> {
+    ) -> Result<CommandStart<T>, Error> {
         let asked = asked.as_object().cloned().unwrap_or_default();
         let earlier = if resume { Content::<T>::read(request.folder, file, &asked)? } else { None };
         if let Some(done) = earlier.as_ref().and_then(|content| content.finished) {

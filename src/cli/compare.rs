@@ -5,9 +5,11 @@ use std::{
     time::Instant,
 };
 
-use flank::accuracy::{AccuracyError, Contender, ContenderSummary, Problem, SolverKind, WorkPrecision};
-
-use super::{CliError, Completion, open, pictures::Pictures, print, progress::counted, report_line, request};
+use super::{Completion, open, pictures::Pictures, print, progress::counted, report_line, request};
+use crate::{
+    Error,
+    accuracy::{AccuracyError, Contender, ContenderSummary, Problem, SolverKind, WorkPrecision},
+};
 
 /// Arguments of `flank compare`.
 #[derive(Debug, clap::Args)]
@@ -50,7 +52,7 @@ fn growth(word: &str) -> Result<f64, String> {
 const USUAL: [&str; 8] = ["flank", "rk4", "rk4+cubic", "newmark", "verlet", "euler", "tsit45", "bdf"];
 
 /// Compares methods on a scene.
-pub fn execute(arguments: &CompareArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &CompareArguments) -> Result<Completion, Error> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     let problem = Problem::new(&simulation, arguments.cycles)?;
@@ -75,7 +77,7 @@ pub fn execute(arguments: &CompareArguments) -> Result<Completion, CliError> {
     Ok(Completion::Completely)
 }
 
-fn contenders(arguments: &CompareArguments, problem: &Problem<'_>) -> Result<Vec<Contender>, CliError> {
+fn contenders(arguments: &CompareArguments, problem: &Problem<'_>) -> Result<Vec<Contender>, Error> {
     let mut faults = Vec::new();
     let mut found: Vec<Contender> = Vec::new();
     let words: Vec<&str> = if arguments.methods.is_empty() {
@@ -101,7 +103,7 @@ fn contenders(arguments: &CompareArguments, problem: &Problem<'_>) -> Result<Vec
             Err(error) => faults.push(error),
         }
     }
-    if faults.is_empty() { Ok(found) } else { Err(CliError::Methods(faults)) }
+    if faults.is_empty() { Ok(found) } else { Err(Error::Methods(faults)) }
 }
 
 fn text(name: &str, found: &WorkPrecision<'_>, summaries: &[ContenderSummary], out: Option<&Path>) -> String {

@@ -6,8 +6,19 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-use flank::{
-    Progress,
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::{
+    Completion,
+    checkpoint::{Checkpoint, CommandStart},
+    pictures::Pictures,
+    print,
+    progress::{cancellable, catch_interrupt, running, show},
+    read_scene, threads,
+};
+use crate::{
+    Error, Progress,
     branch::{BranchProgress, Continuation, Curve, Family, SpecialKind, curves},
     output::{Fault, Request, Table, five_digits as number},
     plot::Figure,
@@ -15,18 +26,6 @@ use flank::{
     simulation::{Parameter, SimulationError},
     study::branches::{Branches, curve_table},
     sweep::GridError,
-};
-
-use serde::{Deserialize, Serialize};
-use serde_json::json;
-
-use super::{
-    CliError, Completion,
-    checkpoint::{Checkpoint, CommandStart},
-    pictures::Pictures,
-    print,
-    progress::{cancellable, catch_interrupt, running, show},
-    read_scene, threads,
 };
 
 const TABLE: &str = "branches.csv";
@@ -93,7 +92,7 @@ fn axis(text: &str) -> Result<(Vec<&str>, [f64; 2]), Vec<Fault>> {
 }
 
 /// Returns the parameter of an axis, and its range extended to the scene's own value.
-fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), CliError> {
+fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), Error> {
     let (pointers, ends) = axis(text).map_err(GridError)?;
     let parameter = Parameter::new(scene.resolved(), &pointers)
         .map_err(|reason| vec![Fault::new(text, reason, "pointers to numbers of the scene")])
@@ -115,7 +114,7 @@ struct CheckpointWork {
 }
 
 /// Follows branches of orbits.
-pub fn execute(arguments: &ContinueArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &ContinueArguments) -> Result<Completion, Error> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let (parameter, ends) = number_of(&scene, &arguments.vary)?;
     let mut family = Family::new(&scene, parameter, ends)?;
@@ -153,7 +152,7 @@ pub fn execute(arguments: &ContinueArguments) -> Result<Completion, CliError> {
     let method = Continuation { period: arguments.period, doublings: arguments.doublings };
     let (earlier, known) = earlier.map_or((None, Vec::new()), |work| (Some(work.followed), work.curves));
     let pool = threads(arguments.threads)?;
-    let mut keep = |followed: &BranchProgress, curves: &[Curve], finished: Option<bool>| -> Result<(), CliError> {
+    let mut keep = |followed: &BranchProgress, curves: &[Curve], finished: Option<bool>| -> Result<(), Error> {
         branches.take(&followed.branches, task);
         let folder = &mut checkpoint.folder;
         folder.bytes(TABLE, branches.table())?;

@@ -2,21 +2,21 @@
 
 use std::path::{Path, PathBuf};
 
-use flank::{
-    Task,
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{
+    Completion,
+    pictures::Pictures,
+    work::{self, LongWork, Merge, Points, stem},
+};
+use crate::{
+    Error, Task,
     map::{BranchLine, Diagram, DiagramRows, Sampling, diagram_figure},
     output::Fault,
     plot::Print,
     scene::Scene,
     sweep::{Begin, CommandFiles, Ending, Records, Seeding, Share, SweepError},
-};
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
-
-use super::{
-    CliError, Completion,
-    pictures::Pictures,
-    work::{self, LongWork, Merge, Points, stem},
 };
 
 /// Arguments of `flank diagram`.
@@ -88,11 +88,11 @@ impl Points for DiagramWithForm {
         rows.records_mut()
     }
 
-    fn run(&self, rows: &mut DiagramRows, _: &LongWork, task: Task<'_>) -> Result<Ending, CliError> {
+    fn run(&self, rows: &mut DiagramRows, _: &LongWork, task: Task<'_>) -> Result<Ending, Error> {
         Ok(self.diagram.run(rows, task)?)
     }
 
-    fn finish(&self, rows: DiagramRows, work: &LongWork, out: &Path) -> Result<Completion, CliError> {
+    fn finish(&self, rows: DiagramRows, work: &LongWork, out: &Path) -> Result<Completion, Error> {
         let (diagram, count) = (&self.diagram, self.diagram.rows());
         let own = diagram.own();
         let first = own.structure.spec().freedoms.first().map_or_else(String::new, |freedom| own.in_words(freedom));
@@ -111,7 +111,7 @@ impl Points for DiagramWithForm {
 }
 
 impl DiagramWithForm {
-    fn new(arguments: &DiagramArguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+    fn new(arguments: &DiagramArguments, scene: Scene, pictures: &Pictures) -> Result<Self, Error> {
         let name = stem(scene.name());
         let seeding = match arguments.seed.as_str() {
             "down" => Seeding::Down,
@@ -127,7 +127,7 @@ impl DiagramWithForm {
         let branches = arguments.branches.as_deref().map(|folder| {
             let fault =
                 |found: String| Fault::new("--branches", found, "a folder of flank continue with the same scene");
-            diagram.branches(folder).map_err(|found| CliError::Arguments(vec![fault(found)]))
+            diagram.branches(folder).map_err(|found| Error::Arguments(vec![fault(found)]))
         });
         let branches = branches.transpose()?.unwrap_or_default();
         Ok(Self { diagram, name, branches, form: pictures.print()? })
@@ -135,7 +135,7 @@ impl DiagramWithForm {
 }
 
 /// Draws a diagram.
-pub fn execute(arguments: &DiagramArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &DiagramArguments) -> Result<Completion, Error> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let drawn = DiagramWithForm::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
@@ -143,6 +143,6 @@ pub fn execute(arguments: &DiagramArguments) -> Result<Completion, CliError> {
 }
 
 /// Merges parts of a diagram.
-pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, CliError> {
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, Error> {
     work::merge(&DiagramWithForm::new(&work::read(asked)?, scene, pictures)?, parts)
 }

@@ -1,61 +1,14 @@
 //! Errors of the command line, and their exit codes.
 
-use std::{fmt, io::IsTerminal as _, process::ExitCode};
+use std::{fmt, io::IsTerminal as _};
 
-use flank::{
-    accuracy::AccuracyError,
-    import::ImportError,
-    map::PlaneError,
-    output::{Fault, OutputError},
-    scene::SceneError,
-    simulation::SimulationError,
-    study::StudyError,
-    sweep::{GridError, SweepError},
+use crate::{
+    Error, accuracy::AccuracyError, output::OutputError, simulation::SimulationError, study::StudyError,
+    sweep::SweepError,
 };
 use miette::{Diagnostic, MietteHandlerOpts, ReportHandler};
 
-/// An error of the command line.
-#[derive(Debug, thiserror::Error)]
-pub enum CliError {
-    /// The scene cannot be used.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// The output folder cannot be written into.
-    #[error("{0}")]
-    Output(OutputError),
-    /// The axes of a sweep cannot be used.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// Arguments cannot be used.
-    #[error("the arguments cannot be used{}", .0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
-    Arguments(Vec<Fault>),
-    /// The sweep cannot be stored in its folder.
-    #[error("{0}")]
-    Sweep(SweepError),
-    /// A simulation cannot be made, fails, or contradicts itself.
-    #[error("{0}")]
-    Simulation(SimulationError),
-    /// A study cannot be made.
-    #[error("{0}")]
-    Study(StudyError),
-    /// Methods that cannot be compared, all of them.
-    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
-    Methods(Vec<AccuracyError>),
-    /// The comparison cannot be made.
-    #[error(transparent)]
-    Accuracy(#[from] AccuracyError),
-    /// A gearbox file gives no scene.
-    #[error("{0}: {1}")]
-    Import(String, ImportError),
-    /// A file cannot be read.
-    #[error("{0} cannot be read: {1}")]
-    Unread(String, std::io::Error),
-    /// A file cannot be written.
-    #[error("{0}: {1}")]
-    File(String, std::io::Error),
-}
-
-impl Diagnostic for CliError {
+impl Diagnostic for Error {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         let help = match self {
             Self::Output(OutputError::Occupied(_)) => {
@@ -90,55 +43,9 @@ impl Diagnostic for CliError {
     }
 }
 
-impl From<SimulationError> for CliError {
-    fn from(error: SimulationError) -> Self {
-        match error {
-            SimulationError::Scene(error) => error.into(),
-            SimulationError::Output(error) => error.into(),
-            SimulationError::File(name, error) => Self::file(name, error),
-            error => Self::Simulation(error),
-        }
-    }
-}
-
-impl From<PlaneError> for CliError {
-    fn from(error: PlaneError) -> Self {
-        match error {
-            PlaneError::Grid(error) => error.into(),
-            PlaneError::Simulation(error) => error.into(),
-            error => {
-                Self::Arguments(vec![flank::output::Fault::new("the axes", error.to_string(), "two axes of a scene")])
-            }
-        }
-    }
-}
-
-impl From<StudyError> for CliError {
-    fn from(error: StudyError) -> Self {
-        if let StudyError::Simulation(error) = error { error.into() } else { Self::Study(error) }
-    }
-}
-
-impl From<OutputError> for CliError {
-    fn from(error: OutputError) -> Self {
-        if let OutputError::File(path, error) = error { Self::file(path.display(), error) } else { Self::Output(error) }
-    }
-}
-
-impl From<SweepError> for CliError {
-    fn from(error: SweepError) -> Self {
-        if let SweepError::Output(error) = error { error.into() } else { Self::Sweep(error) }
-    }
-}
-
-impl CliError {
-    /// Returns the error of a file that cannot be written.
-    pub fn file(place: impl fmt::Display, error: std::io::Error) -> Self {
-        Self::File(place.to_string(), error)
-    }
-
+impl Error {
     /// Writes the error to standard error and returns the exit code.
-    pub fn report(self) -> ExitCode {
+    pub fn report(self) -> u8 {
         let code = match self {
             // Those of sysexits.h: EX_CANTCREAT and EX_IOERR.
             Self::Output(OutputError::InUse(_)) => 73,
@@ -156,6 +63,6 @@ impl CliError {
             move |_: &_| -> Box<dyn ReportHandler> { Box::new(MietteHandlerOpts::new().wrap_lines(wrapped).build()) };
         let _ = miette::set_hook(Box::new(handler));
         super::tell(&format!("{:?}", miette::Report::new(self)));
-        ExitCode::from(code)
+        code
     }
 }

@@ -6,8 +6,11 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use flank::{
-    Task,
+use serde_json::json;
+
+use super::{Completion, pictures::Pictures, print, progress::counted, study::read_study, tell, threads};
+use crate::{
+    Error, Task,
     output::{Request, Table, five_digits as number, read_text},
     study::{
         StudyError,
@@ -15,9 +18,6 @@ use flank::{
         plan::Plan,
     },
 };
-use serde_json::json;
-
-use super::{CliError, Completion, pictures::Pictures, print, progress::counted, study::read_study, tell, threads};
 
 /// Arguments of `flank fit`.
 #[derive(Debug, clap::Args)]
@@ -71,7 +71,7 @@ const TRIALS: &str = "trials.jsonl";
 const ANSWER: &str = "fit.json";
 
 /// Finds numbers of a study.
-pub fn execute(arguments: &FitArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &FitArguments) -> Result<Completion, Error> {
     let form = arguments.pictures.print()?;
     let plan = match arguments.study.as_deref() {
         Some(path) => {

@@ -2,8 +2,11 @@
 
 use std::{fmt::Write, path::PathBuf, str::FromStr};
 
-use flank::{
-    Task,
+use serde::Serialize;
+
+use super::{Completion, print, progress::counted, read_scene, request, tell};
+use crate::{
+    Error, Task,
     output::{Fault, Table, five_digits as number},
     scene::Scene,
     study::{
@@ -11,9 +14,6 @@ use flank::{
         identify::{Identification, IdentifyError, Parameter, STARTS, Side, Target, check, identify},
     },
 };
-use serde::Serialize;
-
-use super::{CliError, Completion, print, progress::counted, read_scene, request, tell};
 
 /// Arguments of `flank identify`.
 #[derive(Debug, clap::Args)]
@@ -57,7 +57,7 @@ struct Source<'a> {
 }
 
 /// Finds numbers of a scene.
-pub fn execute(arguments: &IdentifyArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &IdentifyArguments) -> Result<Completion, Error> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let mut faults = Vec::new();
     let parameters: Vec<Parameter> = read(&arguments.vary, &mut faults);

@@ -2,13 +2,14 @@
 
 use std::{fmt::Write, path::PathBuf};
 
-use flank::{
+use serde_json::Value;
+
+use super::print;
+use crate::{
+    Error,
     import::{Import, LARGEST, Options, import},
     output::{Fault, Table, label, read_file},
 };
-use serde_json::Value;
-
-use super::{CliError, print};
 
 /// Arguments of `flank import`.
 #[derive(Debug, clap::Args)]
@@ -39,7 +40,7 @@ pub struct ImportArguments {
 }
 
 /// Makes a scene of a file.
-pub fn execute(arguments: &ImportArguments) -> Result<(), CliError> {
+pub fn execute(arguments: &ImportArguments) -> Result<(), Error> {
     let mut faults = Vec::new();
     let set = arguments.set.iter().filter_map(|text| assignment(text, &mut faults)).collect();
     let origins = arguments.out.with_extension("origins.csv");
@@ -50,20 +51,20 @@ pub fn execute(arguments: &ImportArguments) -> Result<(), CliError> {
         }
     }
     if !faults.is_empty() {
-        return Err(CliError::Arguments(faults));
+        return Err(Error::Arguments(faults));
     }
     let bytes = read_file(&arguments.file, LARGEST)
-        .map_err(|error| CliError::Unread(arguments.file.display().to_string(), error))?;
+        .map_err(|error| Error::Unread(arguments.file.display().to_string(), error))?;
     let options = Options {
         load_case: arguments.load_case.clone(),
         set,
         fix: arguments.fix.clone(),
         no_defaults: arguments.no_defaults,
     };
-    let failed = |error| CliError::Import(arguments.file.display().to_string(), error);
+    let failed = |error| Error::Import(arguments.file.display().to_string(), error);
     let found = import(&bytes, &options).map_err(failed)?;
     for (path, text) in [(&arguments.out, format!("{:#}\n", found.scene)), (&origins, csv(&found))] {
-        std::fs::write(path, text).map_err(|error| CliError::file(path.display(), error))?;
+        std::fs::write(path, text).map_err(|error| Error::file(path.display(), error))?;
     }
     if arguments.quiet {
         return Ok(());

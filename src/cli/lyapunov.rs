@@ -6,21 +6,22 @@ use std::{
     time::{Duration, Instant},
 };
 
-use flank::{
-    orbit::{Averaging, Exponents, INTERRUPTED, Lyapunov, SectionMap, pictures},
-    output::{Request, Table, five_digits as number},
-    plot::Figure,
-};
 use serde_json::json;
 
 use super::{
-    CliError, Completion,
+    Completion,
     checkpoint::{Checkpoint, CommandStart},
     open,
     pictures::Pictures,
     print,
     progress::{cancellable, catch_interrupt, running, show},
     threads,
+};
+use crate::{
+    Error,
+    orbit::{Averaging, Exponents, INTERRUPTED, Lyapunov, SectionMap, pictures},
+    output::{Request, Table, five_digits as number},
+    plot::Figure,
 };
 
 const LYAPUNOV: &str = "lyapunov.json";
@@ -62,7 +63,7 @@ pub struct LyapunovArguments {
 }
 
 /// Computes exponents.
-pub fn execute(arguments: &LyapunovArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &LyapunovArguments) -> Result<Completion, Error> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     SectionMap::new(&simulation)?;

@@ -2,20 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use flank::{
-    Task,
-    map::{CellRule, KindMap, Tally, figure},
-    plot::Print,
-    scene::Scene,
-    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
-};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    CliError, Completion,
+    Completion,
     pictures::Pictures,
     work::{self, LongWork, Merge, Points, stem},
+};
+use crate::{
+    Error, Task,
+    map::{CellRule, KindMap, Tally, figure},
+    plot::Print,
+    scene::Scene,
+    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
 };
 
 /// Arguments of `flank map`.
@@ -99,11 +99,11 @@ impl Points for Map {
         rows
     }
 
-    fn run(&self, rows: &mut Records, _: &LongWork, task: Task<'_>) -> Result<Ending, CliError> {
+    fn run(&self, rows: &mut Records, _: &LongWork, task: Task<'_>) -> Result<Ending, Error> {
         Ok(self.map.run(rows, task)?)
     }
 
-    fn finish(&self, rows: Records, work: &LongWork, out: &Path) -> Result<Completion, CliError> {
+    fn finish(&self, rows: Records, work: &LongWork, out: &Path) -> Result<Completion, Error> {
         let map = &self.map;
         let name = stem(map.plane().scene().name());
         let tally = map.finish(rows, |tally, folder| {
@@ -116,14 +116,14 @@ impl Points for Map {
 }
 
 impl Map {
-    fn new(arguments: &MapArguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+    fn new(arguments: &MapArguments, scene: Scene, pictures: &Pictures) -> Result<Self, Error> {
         let map = KindMap::new(scene, &arguments.vary, arguments.rule.rule(), &arguments.columns)?;
         Ok(Self { map, form: pictures.print()? })
     }
 }
 
 /// Maps the kinds of motion.
-pub fn execute(arguments: &MapArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &MapArguments) -> Result<Completion, Error> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let map = Map::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
@@ -131,6 +131,6 @@ pub fn execute(arguments: &MapArguments) -> Result<Completion, CliError> {
 }
 
 /// Merges parts of a map.
-pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, CliError> {
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, Error> {
     work::merge(&Map::new(&work::read(asked)?, scene, pictures)?, parts)
 }

@@ -2,14 +2,13 @@
 
 use std::path::PathBuf;
 
-use flank::{Instructions, output::Fault, scene::Scene, sweep::Share};
-
 use super::{
-    CliError, Completion, basins, diagram, map,
+    Completion, basins, diagram, map,
     pictures::Pictures,
     sweep,
     work::{LongWork, Merge, PartDescription, parts},
 };
+use crate::{Error, Instructions, output::Fault, scene::Scene, sweep::Share};
 
 /// Arguments of `flank merge`.
 #[derive(Debug, clap::Args)]
@@ -34,18 +33,18 @@ pub struct MergeArguments {
 }
 
 /// Merges the parts of divided work.
-pub fn execute(arguments: &MergeArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &MergeArguments) -> Result<Completion, Error> {
     let PartDescription { command, part, name, scene, asked, instructions } = parts(&arguments.folders)?;
     let share: Share = part.parse().map_err(|found| {
         let fault = Fault::new("the parts", format!("{part}: {found}"), "parts that flank has written");
-        CliError::Arguments(vec![fault])
+        Error::Arguments(vec![fault])
     })?;
     match Instructions::named(&instructions) {
         Some(set) => set.choose(),
         None => {
             let fault =
                 Fault::new("the parts", format!("vector instructions {instructions:?}"), "those of this machine");
-            return Err(CliError::Arguments(vec![fault.remedy("merge on a machine like those of the parts")]));
+            return Err(Error::Arguments(vec![fault.remedy("merge on a machine like those of the parts")]));
         }
     }
     let scene = Scene::from_value(scene, &name)?;
@@ -65,6 +64,6 @@ pub fn execute(arguments: &MergeArguments) -> Result<Completion, CliError> {
         "map" => map::merge(asked, scene, pictures, &merge),
         "basins" => basins::merge(asked, scene, pictures, &merge),
         "diagram" => diagram::merge(asked, scene, pictures, &merge),
-        _ => Err(CliError::Arguments(vec![Fault::new("the parts", command, "sweep, map, basins or diagram")])),
+        _ => Err(Error::Arguments(vec![Fault::new("the parts", command, "sweep, map, basins or diagram")])),
     }
 }

@@ -1,4 +1,4 @@
-//! Commands, one file each. They print and write files; the library does neither.
+//! The command line of Flank. Commands, one file each, print and write files; the rest of the library does neither.
 
 mod advise;
 mod basins;
@@ -26,20 +26,20 @@ mod threshold;
 mod work;
 
 use std::{
+    ffi::OsString,
     io::Write,
     path::{Path, PathBuf},
-    process::ExitCode,
+    sync::OnceLock,
 };
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use flank::{
-    Simulation,
+
+use crate::{
+    Error, Simulation,
     output::{Fault, Request},
     scene::{self, Scene},
     sweep::Axis,
 };
-
-pub use error::CliError;
 
 /// The exit codes of all commands.
 const EXIT_CODES: &str = "\
@@ -57,7 +57,7 @@ Exit codes:
 /// Gear vibro-impact with exact events.
 #[derive(Debug, Parser)]
 #[command(name = "flank", version, propagate_version = true, after_help = EXIT_CODES)]
-pub struct Arguments {
+struct Arguments {
     #[command(subcommand)]
     command: Command,
     /// Wait up to this time for another command that writes into the same folder
@@ -132,29 +132,50 @@ enum SceneCommand {
     },
 }
 
+/// Words of the command line, which `--plan` repeats.
+static WORDS: OnceLock<Vec<String>> = OnceLock::new();
+
+/// Runs the command of a command line, the first word of which is the name of the program. Returns the exit code; [`EXIT_CODES`] lists
+/// them. Prints to the standard streams, and ends the process itself after a second signal.
+pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
+    let words: Vec<OsString> = words.into_iter().collect();
+    WORDS.get_or_init(|| words.iter().map(|word| word.to_string_lossy().into_owned()).collect());
+    let arguments = match Arguments::read(words) {
+        Ok(arguments) => arguments,
+        Err(error) => return show(&error),
+    };
+    match execute(arguments) {
+        Ok(done) => done.code(),
+        Err(error) => error.report(),
+    }
+}
+
 impl Arguments {
-    /// Reads the command line. A negative number is a value, not an option, so that a fault names the range of its argument.
-    pub fn read() -> Self {
+    /// Reads a command line. A negative number is a value, not an option, so that a fault names the range of its argument.
+    fn read(words: Vec<OsString>) -> Result<Self, clap::Error> {
         let signed = |arg: clap::Arg| {
             let takes_values = arg.get_action().takes_values();
             arg.allow_negative_numbers(takes_values)
         };
         let command = Self::command().mut_subcommands(|command| command.mut_args(signed));
-        let matches = command.try_get_matches().unwrap_or_else(|error| exit(&error));
-        Self::from_arg_matches(&matches).unwrap_or_else(|error| exit(&error))
+        Self::from_arg_matches(&command.try_get_matches_from(words)?)
     }
 }
 
-/// Ends the program with the message of clap: an error in the arguments, or the help text.
-fn exit(error: &clap::Error) -> ! {
+/// Shows the message of clap, an error in the arguments or the help text. Returns the exit code.
+fn show(error: &clap::Error) -> u8 {
     let written = error.print().and_then(|()| std::io::stdout().flush());
     let is_lost = written.is_err_and(|error| error.kind() != std::io::ErrorKind::BrokenPipe);
-    std::process::exit(if is_lost && !error.use_stderr() { 74 } else { error.exit_code() })
+    match error.exit_code() {
+        _ if is_lost && !error.use_stderr() => 74,
+        0 => 0,
+        _ => 2,
+    }
 }
 
 /// End of a command, from which its exit code follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub enum Completion {
+enum Completion {
     /// The command did all that was asked.
     Completely,
     /// The command failed, or has no answer to what was asked.
@@ -169,14 +190,14 @@ pub enum Completion {
 
 impl Completion {
     /// Returns the exit code.
-    pub fn code(self) -> ExitCode {
+    pub fn code(self) -> u8 {
         match self {
-            Self::Completely => ExitCode::SUCCESS,
-            Self::Partly => ExitCode::from(1),
-            Self::SomeFailed => ExitCode::from(3),
-            Self::BudgetSpent => ExitCode::from(4),
+            Self::Completely => 0,
+            Self::Partly => 1,
+            Self::SomeFailed => 3,
+            Self::BudgetSpent => 4,
             // EX_TEMPFAIL of sysexits.h: the same command may succeed later.
-            Self::Interrupted => ExitCode::from(75),
+            Self::Interrupted => 75,
         }
     }
 
@@ -191,8 +212,8 @@ impl Completion {
 }
 
 /// Executes the command that the arguments name.
-pub fn execute(arguments: Arguments) -> Result<Completion, CliError> {
-    flank::output::wait_for_others(std::time::Duration::from_secs(arguments.lock_wait.into()));
+fn execute(arguments: Arguments) -> Result<Completion, Error> {
+    crate::output::wait_for_others(std::time::Duration::from_secs(arguments.lock_wait.into()));
     match arguments.command {
         Command::Run(arguments) => return run::execute(&arguments),
         Command::Study(arguments) => return study::execute(&arguments),
@@ -220,11 +241,11 @@ pub fn execute(arguments: Arguments) -> Result<Completion, CliError> {
             print(&String::from_utf8_lossy(&text))?;
         }
         Command::Man { out: Some(folder) } => clap_mangen::generate_to(Arguments::command(), &folder)
-            .map_err(|error| CliError::File(folder.display().to_string(), error))?,
+            .map_err(|error| Error::File(folder.display().to_string(), error))?,
         Command::Man { out: None } => {
             let mut text = Vec::new();
             let written = clap_mangen::Man::new(Arguments::command()).render(&mut text);
-            written.map_err(|error| CliError::File("flank.1".to_owned(), error))?;
+            written.map_err(|error| Error::File("flank.1".to_owned(), error))?;
             print(&String::from_utf8_lossy(&text))?;
         }
         Command::Scene(SceneCommand::Show { scene }) => {
@@ -235,7 +256,7 @@ pub fn execute(arguments: Arguments) -> Result<Completion, CliError> {
 }
 
 /// Reads a scene; `-` is standard input, no path the reference scene.
-fn read_scene(path: Option<&Path>) -> Result<Scene, CliError> {
+fn read_scene(path: Option<&Path>) -> Result<Scene, Error> {
     match path {
         None => Ok(Scene::reference()?),
         Some(path) if path == Path::new("-") => Ok(Scene::from_stream(std::io::stdin().lock(), "standard input")?),
@@ -244,7 +265,7 @@ fn read_scene(path: Option<&Path>) -> Result<Scene, CliError> {
 }
 
 /// Reads a scene and makes it ready to run.
-fn open(path: Option<&Path>) -> Result<Simulation, CliError> {
+fn open(path: Option<&Path>) -> Result<Simulation, Error> {
     match path.filter(|path| *path != Path::new("-")) {
         Some(path) => Ok(Simulation::from_file(path)?),
         None => Ok(Simulation::from_scene(read_scene(path)?)?),
@@ -258,7 +279,7 @@ fn request<'a>(
     input: Option<&'a Path>,
     force: bool,
     files: Vec<String>,
-) -> Result<Option<Request<'a>>, CliError> {
+) -> Result<Option<Request<'a>>, Error> {
     let request = out.map(|folder| Request { folder, command, input, force, files });
     request.as_ref().map(Request::check).transpose()?;
     Ok(request)
@@ -275,9 +296,9 @@ fn axis(name: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Axis> {
 }
 
 /// Returns a pool of `count` threads, or of as many as there are cores.
-fn threads(count: Option<u16>) -> Result<rayon::ThreadPool, CliError> {
+fn threads(count: Option<u16>) -> Result<rayon::ThreadPool, Error> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(count.map_or(0, usize::from)).build();
-    pool.map_err(|error| CliError::file("threads", std::io::Error::other(error)))
+    pool.map_err(|error| Error::file("threads", std::io::Error::other(error)))
 }
 
 /// Columns of a terminal for reports.
@@ -295,10 +316,10 @@ fn tell(text: &str) {
 }
 
 /// Writes text to standard output. A closed reader, such as `head`, is no error.
-fn print(text: &str) -> Result<(), CliError> {
+fn print(text: &str) -> Result<(), Error> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(CliError::file("standard output", error)),
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::file("standard output", error)),
         _ => Ok(()),
     }
 }

@@ -2,22 +2,22 @@
 
 use std::{fmt::Write, path::PathBuf};
 
-use flank::{
-    Simulation,
-    orbit::{Search, SearchResult, SearchState, SectionMap, pictures},
-    output::{Request, Table, five_digits as number},
-    plot::Figure,
-};
 use serde_json::json;
 
 use super::{
-    CliError, Completion,
+    Completion,
     checkpoint::{Checkpoint, CommandStart},
     open,
     pictures::Pictures,
     print,
     progress::{cancellable, catch_interrupt, running, show},
     threads,
+};
+use crate::{
+    Error, Simulation,
+    orbit::{Search, SearchResult, SearchState, SectionMap, pictures},
+    output::{Request, Table, five_digits as number},
+    plot::Figure,
 };
 
 const ORBIT: &str = "orbit.json";
@@ -54,7 +54,7 @@ pub struct OrbitArguments {
 }
 
 /// Solves for orbits.
-pub fn execute(arguments: &OrbitArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &OrbitArguments) -> Result<Completion, Error> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?.in_common_cycles()?;
     SectionMap::new(&simulation)?.repeats()?;

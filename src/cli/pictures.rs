@@ -1,11 +1,10 @@
 //! Arguments of all commands that draw figures.
 
-use flank::{
+use crate::{
+    Error,
     output::Fault,
     plot::{Format, Print},
 };
-
-use super::CliError;
 
 /// Form of the figures.
 #[derive(Debug, Default, clap::Args)]
@@ -29,7 +28,7 @@ pub struct Pictures {
 
 impl Pictures {
     /// Returns the requested form.
-    pub fn print(&self) -> Result<Print, CliError> {
+    pub fn print(&self) -> Result<Print, Error> {
         let mut faults: Vec<Fault> = Vec::new();
         let mut print = Print {
             formats: self.format.clone(),
@@ -47,6 +46,6 @@ impl Pictures {
         if let Some(points) = self.font_size {
             take(print.clone().lettered(points), &mut print);
         }
-        if faults.is_empty() { Ok(print) } else { Err(CliError::Arguments(faults)) }
+        if faults.is_empty() { Ok(print) } else { Err(Error::Arguments(faults)) }
     }
 }

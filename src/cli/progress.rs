@@ -10,8 +10,9 @@ use std::{
     time::Duration,
 };
 
-use flank::{Progress, Task};
 use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::{Progress, Task};
 
 /// True after Ctrl-C.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);

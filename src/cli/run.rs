@@ -6,22 +6,21 @@ use std::{
     time::Instant,
 };
 
-use flank::{
-    Progress, Simulation,
+use super::{
+    Completion, open,
+    pictures::Pictures,
+    print,
+    progress::{Estimate, cancellable, catch_interrupt, running, show},
+    tell, wrapped,
+};
+use crate::{
+    Error, Progress, Simulation,
     hybrid::Clock,
     output::{Request, five_digits as number, label},
     plot::{Item, Print, Report},
     scene::{Duration, strict},
     simulation::{EndKind, RunRecord, Summary, event_head, event_lines},
     study::run_page,
-};
-
-use super::{
-    CliError, Completion, open,
-    pictures::Pictures,
-    print,
-    progress::{Estimate, cancellable, catch_interrupt, running, show},
-    tell, wrapped,
 };
 
 /// Arguments of `flank run`.
@@ -62,11 +61,11 @@ pub struct RunArguments {
 }
 
 /// Runs a scene.
-pub fn execute(arguments: &RunArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &RunArguments) -> Result<Completion, Error> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     if arguments.strict && !simulation.warnings.is_empty() {
-        return Err(CliError::Arguments(strict(&simulation.warnings, "--strict")));
+        return Err(Error::Arguments(strict(&simulation.warnings, "--strict")));
     }
     let ([from, _, end], run) = (simulation.instants(), &simulation.settings);
     let cycles = run.period.map(|period| Clock::between(simulation.clock(), from, end) / period);
@@ -155,7 +154,7 @@ fn write_page(
     simulation: &Simulation,
     record: &RunRecord,
     request: Request<'_>,
-    (print, task): (&Print, flank::Task<'_>),
+    (print, task): (&Print, crate::Task<'_>),
 ) -> Result<(), String> {
     let page = run_page::page(simulation, record, &record.end, task).map_err(|error| error.to_string())?;
     let write = || {
@@ -167,7 +166,7 @@ fn write_page(
         }
         page.write(&mut folder, print)
     };
-    write().map_err(|error: flank::output::OutputError| error.to_string())
+    write().map_err(|error: crate::output::OutputError| error.to_string())
 }
 
 /// Returns the whole report.

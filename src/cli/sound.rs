@@ -2,16 +2,16 @@
 
 use std::{fs, path::PathBuf};
 
-use flank::{
+use super::{
+    Completion, open, print,
+    progress::{cancellable, catch_interrupt, running},
+    tell,
+};
+use crate::{
+    Error,
     output::{Fault, read_text},
     plot::Theme,
     study::sound::{RATE, TransferPath, impacts, render, spectrum},
-};
-
-use super::{
-    CliError, Completion, open, print,
-    progress::{cancellable, catch_interrupt, running},
-    tell,
 };
 
 /// Arguments of `flank sound`.
@@ -46,7 +46,7 @@ pub struct SoundArguments {
 const LONGEST: f64 = 600.0;
 
 /// Renders the impacts of a scene.
-pub fn execute(arguments: &SoundArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &SoundArguments) -> Result<Completion, Error> {
     let mut faults = Vec::new();
     let mut positive = |name: &str, value: f64, most: f64| {
         if !(value > 0.0 && value <= most) {
@@ -66,7 +66,7 @@ pub fn execute(arguments: &SoundArguments) -> Result<Completion, CliError> {
         None => TransferPath::placeholder(),
         Some(file) => {
             let name = file.display().to_string();
-            let text = read_text(file).map_err(|error| CliError::Unread(name.clone(), error))?;
+            let text = read_text(file).map_err(|error| Error::Unread(name.clone(), error))?;
             match serde_json::from_str::<TransferPath>(&text) {
                 Ok(path) => {
                     path.check().map_err(|found| faults.extend(found)).map_or(TransferPath::placeholder(), |()| path)
@@ -80,7 +80,7 @@ pub fn execute(arguments: &SoundArguments) -> Result<Completion, CliError> {
         }
     };
     if !faults.is_empty() {
-        return Err(CliError::Arguments(faults));
+        return Err(Error::Arguments(faults));
     }
     let simulation = open(arguments.scene.as_deref())?;
     let bar = running(arguments.quiet);
@@ -93,10 +93,10 @@ pub fn execute(arguments: &SoundArguments) -> Result<Completion, CliError> {
     let mut samples = render(&blows, &path, arguments.seconds);
     samples.iter_mut().for_each(|sample| *sample /= arguments.full_scale);
     write(&arguments.out, &samples)
-        .map_err(|error| CliError::File(arguments.out.display().to_string(), std::io::Error::other(error)))?;
+        .map_err(|error| Error::File(arguments.out.display().to_string(), std::io::Error::other(error)))?;
     if let Some(file) = &arguments.spectrum {
         let picture = spectrum(&samples, &path).svg(Theme::Light);
-        fs::write(file, picture).map_err(|error| CliError::file(file.display(), error))?;
+        fs::write(file, picture).map_err(|error| Error::file(file.display(), error))?;
     }
     let largest = samples.iter().fold(0.0, |most: f64, sample| most.max(sample.abs()));
     let rms = (samples.iter().map(|sample| sample * sample).sum::<f64>() / samples.len().max(1) as f64).sqrt();

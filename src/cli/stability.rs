@@ -2,19 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use flank::{
-    Simulation,
+use super::{
+    Completion, axis, open, pictures::Pictures, print, progress::counted, report_line, request, threads, wrapped,
+};
+use crate::{
+    Error, Simulation,
     accuracy::{
         Contender, SolverKind,
         stability::{LongRunRule, Map, MapPlan, Reference},
     },
     output::Fault,
     train::Quantity,
-};
-
-use super::{
-    CliError, Completion, axis, open, pictures::Pictures, print, progress::counted, report_line, request, threads,
-    wrapped,
 };
 
 /// Arguments of `flank stability`.
@@ -73,7 +71,7 @@ const FIXED: [&str; 6] = ["rk4", "newmark", "hht", "generalized-alpha", "euler",
 const MOST: usize = 100_000;
 
 /// Makes the map.
-pub fn execute(arguments: &StabilityArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &StabilityArguments) -> Result<Completion, Error> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     let plan = plan(arguments, &simulation, Map::cycle_length(&simulation)?)?;
@@ -100,7 +98,7 @@ pub fn execute(arguments: &StabilityArguments) -> Result<Completion, CliError> {
 }
 
 /// Reads the plan from the arguments; an error lists every fault.
-fn plan(arguments: &StabilityArguments, simulation: &Simulation, period: f64) -> Result<MapPlan, CliError> {
+fn plan(arguments: &StabilityArguments, simulation: &Simulation, period: f64) -> Result<MapPlan, Error> {
     let mut faults = Vec::new();
     let over = match arguments.over {
         Abscissa::Stiffness => Quantity::Stiffness,
@@ -149,7 +147,7 @@ fn plan(arguments: &StabilityArguments, simulation: &Simulation, period: f64) ->
         faults.push(Fault::new("--factors and --steps", format!("{cells} runs"), format!("at most {MOST}")));
     }
     if !faults.is_empty() {
-        return Err(CliError::Arguments(faults));
+        return Err(Error::Arguments(faults));
     }
     let most = steps.last().copied().unwrap_or(0);
     let used = USED.iter().filter(|_| !simulation.dimensionless).map(|(step, name)| {

@@ -5,7 +5,13 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use flank::{
+use rayon::prelude::*;
+use serde::Serialize;
+use serde_json::json;
+
+use super::{Completion, axis, pictures::Pictures, print, progress::counted, read_scene, report_line, threads};
+use crate::{
+    Error,
     output::{Request, Table, label, read_text},
     plot::Report,
     simulation::SimulationError,
@@ -17,13 +23,6 @@ use flank::{
         steady::Rule,
     },
     sweep::{Axis, GridError},
-};
-use rayon::prelude::*;
-use serde::Serialize;
-use serde_json::json;
-
-use super::{
-    CliError, Completion, axis, pictures::Pictures, print, progress::counted, read_scene, report_line, threads,
 };
 
 /// Arguments of `flank study`.
@@ -86,7 +85,7 @@ struct Summary<'a> {
 }
 
 /// Makes a study.
-pub fn execute(arguments: &StudyArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &StudyArguments) -> Result<Completion, Error> {
     let form = arguments.pictures.print()?;
     let plan = plan(arguments)?;
     let asked: Vec<FigureKind> = FigureKind::ALL
@@ -116,7 +115,7 @@ pub fn execute(arguments: &StudyArguments) -> Result<Completion, CliError> {
             }
             Ok((*kind, made))
         };
-        pool.install(|| asked.par_iter().with_max_len(1).map(make).collect::<Result<Vec<_>, CliError>>())
+        pool.install(|| asked.par_iter().with_max_len(1).map(make).collect::<Result<Vec<_>, Error>>())
     })?;
     let mut folder = folder.into_inner().unwrap_or_else(PoisonError::into_inner);
     let (mut failed, mut interrupted) = (false, false);
@@ -159,7 +158,7 @@ pub fn execute(arguments: &StudyArguments) -> Result<Completion, CliError> {
     Ok(if failed { Completion::Partly } else { Completion::Completely })
 }
 
-fn plan(arguments: &StudyArguments) -> Result<Plan, CliError> {
+fn plan(arguments: &StudyArguments) -> Result<Plan, Error> {
     let mut faults = Vec::new();
     let mut varied = |name: &str, text: &Option<String>| {
         let text = text.as_ref()?;

@@ -2,8 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use flank::{
-    Task,
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{
+    Completion,
+    pictures::Pictures,
+    work::{self, LongWork, Merge, Points, stem},
+};
+use crate::{
+    Error, Task,
     map::sweep_figure,
     plot::Print,
     scene::Scene,
@@ -12,14 +20,6 @@ use flank::{
         steady::{Rule, Seed, Steady},
     },
     sweep::{Begin, CommandFiles, Ending, Grid, Journal, Plan, Records, Seeding, Share, SweepError},
-};
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
-
-use super::{
-    CliError, Completion,
-    pictures::Pictures,
-    work::{self, LongWork, Merge, Points, stem},
 };
 
 /// Arguments of `flank sweep`.
@@ -97,11 +97,11 @@ impl Points for SweepWithForm {
         rows.records_mut()
     }
 
-    fn run(&self, rows: &mut Self::Rows, _: &LongWork, task: Task<'_>) -> Result<Ending, CliError> {
+    fn run(&self, rows: &mut Self::Rows, _: &LongWork, task: Task<'_>) -> Result<Ending, Error> {
         Ok(self.sweep.run(rows, task)?)
     }
 
-    fn finish(&self, rows: Self::Rows, work: &LongWork, out: &Path) -> Result<Completion, CliError> {
+    fn finish(&self, rows: Self::Rows, work: &LongWork, out: &Path) -> Result<Completion, Error> {
         let sweep = &self.sweep;
         let tally = sweep.finish(rows, |rows, folder| {
             match sweep_figure(&self.name, sweep.plan(), rows, sweep.dimensionless()) {
@@ -119,17 +119,17 @@ impl Points for SweepWithForm {
 }
 
 impl SweepWithForm {
-    fn new(arguments: &SweepArguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+    fn new(arguments: &SweepArguments, scene: Scene, pictures: &Pictures) -> Result<Self, Error> {
         let name = stem(scene.name());
         let grid = Grid::parse(&arguments.vary)?;
         let sweep = SteadySweep::new(scene, Plan::new(grid, arguments.seed), rule(arguments))?;
-        let sweep = sweep.with_columns(&arguments.columns).map_err(CliError::Arguments)?;
+        let sweep = sweep.with_columns(&arguments.columns).map_err(Error::Arguments)?;
         Ok(Self { sweep, name, form: pictures.print()? })
     }
 }
 
 /// Sweeps a scene.
-pub fn execute(arguments: &SweepArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &SweepArguments) -> Result<Completion, Error> {
     let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let swept = SweepWithForm::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
@@ -137,7 +137,7 @@ pub fn execute(arguments: &SweepArguments) -> Result<Completion, CliError> {
 }
 
 /// Merges parts of a sweep.
-pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, CliError> {
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Completion, Error> {
     work::merge(&SweepWithForm::new(&work::read(asked)?, scene, pictures)?, parts)
 }
 

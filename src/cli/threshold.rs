@@ -2,7 +2,15 @@
 
 use std::path::PathBuf;
 
-use flank::{
+use serde_json::json;
+
+use super::{
+    Completion, print,
+    progress::{cancellable, catch_interrupt, running},
+    read_scene,
+};
+use crate::{
+    Error,
     output::Fault,
     scene::Scene,
     study::{
@@ -10,13 +18,6 @@ use flank::{
         steady::Rule,
     },
     sweep::GridError,
-};
-use serde_json::json;
-
-use super::{
-    CliError, Completion, print,
-    progress::{cancellable, catch_interrupt, running},
-    read_scene,
 };
 
 /// Largest load tried without a range, in loads of the scene.
@@ -43,7 +44,7 @@ pub struct ThresholdArguments {
 }
 
 /// Finds a threshold.
-pub fn execute(arguments: &ThresholdArguments) -> Result<Completion, CliError> {
+pub fn execute(arguments: &ThresholdArguments) -> Result<Completion, Error> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let (pointer, range) = range(arguments, &scene).map_err(GridError)?;
     if scene.built().spec.contacts.iter().any(|contact| contact.law.is_rigid()) {
@@ -52,7 +53,7 @@ pub fn execute(arguments: &ThresholdArguments) -> Result<Completion, CliError> {
             "a rigid contact, which rests on its flank without a margin",
             "compliant contact laws",
         );
-        return Err(CliError::Arguments(vec![fault.remedy("give the contact a stiffness, or use flank sweep")]));
+        return Err(Error::Arguments(vec![fault.remedy("give the contact a stiffness, or use flank sweep")]));
     }
     let search = RattleSearch { scene: &scene, pointer: &pointer, range, loss: arguments.by, rule: Rule::default() };
     let bar = running(arguments.quiet);

@@ -6,19 +6,19 @@ use std::{
     time::Instant,
 };
 
-use flank::{
-    Instructions,
-    output::{Fault, Folder, OutputError, read_text},
-    scene::Scene,
-    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
-};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::{
-    CliError, Completion, print,
+    Completion, print,
     progress::{counted, lasting, limit},
     read_scene, tell, threads,
+};
+use crate::{
+    Error, Instructions,
+    output::{Fault, Folder, OutputError, read_text},
+    scene::Scene,
+    sweep::{Begin, CommandFiles, Ending, Records, Share, SweepError},
 };
 
 /// File in which a part describes itself, for `flank merge`.
@@ -68,7 +68,7 @@ fn instructions(name: &str) -> Result<Instructions, String> {
 
 impl LongWork {
     /// Reads its scene, with the requested instructions.
-    pub fn scene(&self, path: Option<&Path>) -> Result<Scene, CliError> {
+    pub fn scene(&self, path: Option<&Path>) -> Result<Scene, Error> {
         self.instructions.into_iter().for_each(Instructions::choose);
         read_scene(path)
     }
@@ -93,7 +93,7 @@ impl LongWork {
     }
 
     /// Prints, unless the work is quiet.
-    pub fn say(&self, text: &str) -> Result<(), CliError> {
+    pub fn say(&self, text: &str) -> Result<(), Error> {
         if self.quiet { Ok(()) } else { print(text) }
     }
 }
@@ -118,9 +118,9 @@ pub trait Points: Sized + Sync {
     /// Returns its records.
     fn records(rows: &mut Self::Rows) -> &mut Records;
     /// Computes the missing rows.
-    fn run(&self, rows: &mut Self::Rows, work: &LongWork, task: flank::Task<'_>) -> Result<Ending, CliError>;
+    fn run(&self, rows: &mut Self::Rows, work: &LongWork, task: crate::Task<'_>) -> Result<Ending, Error>;
     /// Writes the final files, and returns the end of the command.
-    fn finish(&self, rows: Self::Rows, work: &LongWork, out: &Path) -> Result<Completion, CliError>;
+    fn finish(&self, rows: Self::Rows, work: &LongWork, out: &Path) -> Result<Completion, Error>;
 }
 
 /// Does the work of a command, or a share of it, by the arguments `asked`.
@@ -129,7 +129,7 @@ pub fn execute<P: Points>(
     (scene, asked): (&Scene, &Value),
     work: &LongWork,
     (input, out): (Option<&Path>, &Path),
-) -> Result<Completion, CliError> {
+) -> Result<Completion, Error> {
     let [rows, chains] = points.rows();
     if work.count {
         let time = duration(points, work)?;
@@ -201,7 +201,7 @@ const TRIED: usize = 64;
 const TRIAL: f64 = 2.0;
 
 /// Returns the time that all rows take, in words, from those that are done in a moment.
-fn duration<P: Points>(points: &P, work: &LongWork) -> Result<String, CliError> {
+fn duration<P: Points>(points: &P, work: &LongWork) -> Result<String, Error> {
     let [rows, chains] = points.rows();
     let folder = std::env::temp_dir().join(format!("flank-count-{}", std::process::id()));
     let share = Share { part: 0, of: (chains / TRIED).clamp(1, Share::MOST) };
@@ -223,12 +223,12 @@ fn duration<P: Points>(points: &P, work: &LongWork) -> Result<String, CliError> 
 }
 
 /// Prints the command line of every part.
-fn plan(chains: usize, of: usize, out: &Path) -> Result<Completion, CliError> {
-    let words: Vec<String> = std::env::args().collect();
+fn plan(chains: usize, of: usize, out: &Path) -> Result<Completion, Error> {
+    let words = super::WORDS.get().map_or(&[][..], Vec::as_slice);
     let mut text = String::new();
     let mut kept = Vec::new();
     let mut skip = false;
-    for word in &words {
+    for word in words {
         let is_own = ["--plan", "--out"].contains(&word.as_str());
         let is_other = ["--resume", "--force"].contains(&word.as_str());
         if !is_own && !is_other && !skip && !word.starts_with("--plan=") && !word.starts_with("--out=") {
@@ -284,7 +284,7 @@ fn describe<P: Points>(folder: &mut Folder, (scene, asked): (&Scene, &Value), sh
 }
 
 /// Reads the descriptions of the parts in some folders, which must agree except for their numbers.
-pub fn parts(folders: &[PathBuf]) -> Result<PartDescription, CliError> {
+pub fn parts(folders: &[PathBuf]) -> Result<PartDescription, Error> {
     let mut faults = Vec::new();
     let mut first: Option<PartDescription> = None;
     for folder in folders {
@@ -309,15 +309,15 @@ pub fn parts(folders: &[PathBuf]) -> Result<PartDescription, CliError> {
     }
     match first {
         Some(part) if faults.is_empty() => Ok(part),
-        _ => Err(CliError::Arguments(faults)),
+        _ => Err(Error::Arguments(faults)),
     }
 }
 
 /// Reads the arguments of the command of a part.
-pub fn read<T: for<'de> Deserialize<'de>>(asked: Value) -> Result<T, CliError> {
+pub fn read<T: for<'de> Deserialize<'de>>(asked: Value) -> Result<T, Error> {
     serde_json::from_value(asked).map_err(|error| {
         let fault = Fault::new(PART, error.to_string(), "the arguments of a part");
-        CliError::Arguments(vec![fault.remedy("merge with the version that computed the parts")])
+        Error::Arguments(vec![fault.remedy("merge with the version that computed the parts")])
     })
 }
 
@@ -332,7 +332,7 @@ pub struct Merge<'a> {
 }
 
 /// Merges parts: writes the files of an undivided run.
-pub fn merge<P: Points>(points: &P, merge: &Merge<'_>) -> Result<Completion, CliError> {
+pub fn merge<P: Points>(points: &P, merge: &Merge<'_>) -> Result<Completion, Error> {
     let Merge { folders, out, work, .. } = merge;
     let begin = if merge.force { Begin::Replace } else { Begin::New };
     let mut rows = points.merged((folders, merge.of), (out, begin))?;
