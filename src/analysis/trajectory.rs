@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Grid of the samples in time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Grid {
     /// `per_cycle` samples per forcing cycle, at phases `i T/per_cycle`. Each phase is computed from its index, so all cycles have the same
     /// phases to the last bit.
@@ -23,6 +23,8 @@ pub enum Grid {
         /// Interval, s, > 0.
         interval: f64,
     },
+    /// These times, s, in rising order.
+    Times(Vec<f64>),
 }
 
 /// One sample. At an event it is the state after it.
@@ -58,7 +60,7 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
         let clock = *system.clock();
         let x = vec![0.0; system.dim()];
         let mut trajectory = Self { clock, grid, origin: from, number: 0, emitted: 0, x, row };
-        if let (Grid::Phases { per_cycle }, Some(period)) = (grid, clock.period()) {
+        if let (&Grid::Phases { per_cycle }, Some(period)) = (&trajectory.grid, clock.period()) {
             let estimate = (from.phase.hi / period.hi * f64::from(per_cycle)).floor() as i64;
             trajectory.number = from.cycle * i64::from(per_cycle) + estimate - 1;
             while trajectory.due().is_some_and(|at| clock.between(from, at) < 0.0) {
@@ -71,20 +73,21 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
     /// Returns the instant of the next sample; `None` for a grid without samples.
     #[must_use]
     pub fn due(&self) -> Option<Instant> {
-        match self.grid {
+        match &self.grid {
             Grid::Phases { per_cycle } => {
-                let per_cycle = i64::from(per_cycle.max(1));
+                let per_cycle = i64::from(*per_cycle.max(&1));
                 let (cycle, i) = (self.number.div_euclid(per_cycle), self.number.rem_euclid(per_cycle));
                 let phase = Wide::quotient(self.clock.period()? * i as f64, per_cycle as f64);
                 Some(Instant { cycle, phase })
             }
-            Grid::Interval { interval } => {
+            &Grid::Interval { interval } => {
                 if interval.is_nan() || interval <= 0.0 {
                     return None;
                 }
                 let offset = Wide::product(interval, self.number as f64);
                 Some(self.clock.advance(self.clock.advance(self.origin, offset.hi), offset.lo))
             }
+            Grid::Times(times) => times.get(self.number as usize).map(|t| self.clock.instant(*t)),
         }
     }
 

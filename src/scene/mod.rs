@@ -66,6 +66,7 @@ use std::{
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
+use fault::nearest;
 pub use fault::{Fault, SceneError, Warning};
 pub use initial::Memory;
 pub use run::{Duration, Frame, Run};
@@ -233,6 +234,36 @@ impl Scene {
         Self::from_text(&text, name, folder)
     }
 
+    /// Returns the JSON pointer of the only place that has this key, such as `/train/speed_rpm` for `speed_rpm`. A pointer stands for itself.
+    ///
+    /// # Errors
+    /// [`SceneError`] if no place has the key, or several have it.
+    pub fn pointer(&self, key: &str) -> Result<String, SceneError> {
+        if key.starts_with('/') {
+            return Ok(key.to_owned());
+        }
+        let mut places = Vec::new();
+        keys(&self.resolved, "", &mut places);
+        let found: Vec<&String> = places.iter().filter(|(name, _)| name == key).map(|(_, pointer)| pointer).collect();
+        let fault = match &found[..] {
+            [pointer] => return Ok((*pointer).clone()),
+            [] => {
+                let fault =
+                    Fault::new(key, "a key that the scene does not have", "a key or a JSON pointer of the scene");
+                match nearest(key, places.iter().map(|(name, _)| name.as_str())) {
+                    Some(name) => fault.remedy(format!("did you mean {name:?}?")),
+                    None => fault.remedy("see the resolved scene for its keys"),
+                }
+            }
+            several => {
+                let all = several.iter().map(|pointer| pointer.as_str()).collect::<Vec<_>>().join(", ");
+                Fault::new(key, format!("a key at {} places", several.len()), "a key at one place, or a JSON pointer")
+                    .remedy(format!("name one of {all}"))
+            }
+        };
+        Err(SceneError::new(&self.name, vec![fault]))
+    }
+
     /// Returns the same scene with another value at a JSON pointer, such as `/train/speed_rpm`.
     ///
     /// # Errors
@@ -342,6 +373,21 @@ fn make_visible(value: &mut Value) {
         Value::Array(items) => items.iter_mut().for_each(make_visible),
         Value::Object(object) => {
             object.iter_mut().filter(|(key, _)| *key != "note").for_each(|(_, item)| make_visible(item))
+        }
+        _ => {}
+    }
+}
+
+/// Adds every key below `pointer`, with the pointer of its place.
+fn keys(value: &Value, pointer: &str, found: &mut Vec<(String, String)>) {
+    match value {
+        Value::Object(object) => object.iter().for_each(|(key, value)| {
+            let pointer = fault::below(pointer, key);
+            found.push((key.clone(), pointer.clone()));
+            keys(value, &pointer, found);
+        }),
+        Value::Array(items) => {
+            items.iter().enumerate().for_each(|(i, value)| keys(value, &format!("{pointer}/{i}"), found));
         }
         _ => {}
     }

@@ -47,8 +47,11 @@ pub struct Job<'a> {
     pub verify: bool,
     /// True to write `trajectory.csv` too, with 64 samples per cycle by default.
     pub trajectory: bool,
-    /// True to write `events.jsonl` and `events.csv`; without them a long run takes no disk space.
+    /// True to write `events.jsonl` and `events.csv`, or to store the rows of events in the record. Without them a long run takes neither
+    /// disk space nor memory.
     pub log: bool,
+    /// Receives the rows of events in place of the record, and may stop the run.
+    pub rows: Option<&'a mut (dyn FnMut(EventRow) -> ControlFlow<()> + 'a)>,
     /// True to replace the files of an earlier run, and no others, in a folder that is not empty.
     pub replace: bool,
 }
@@ -58,7 +61,7 @@ pub struct Job<'a> {
 pub struct RunRecord {
     /// Measures, with their origin.
     pub summary: Summary,
-    /// A row of every event; empty after [`Job::write`], which has them in `events.jsonl`.
+    /// A row of every event; empty after [`Job::write`], which has them in `events.jsonl`, and with [`Job::rows`].
     pub events: Vec<EventRow>,
     /// State at the end of the run.
     pub end: State,
@@ -85,6 +88,7 @@ impl<'a> Job<'a> {
             verify: run.verify,
             trajectory: run.samples_per_cycle > 0,
             log: true,
+            rows: None,
             replace: false,
         }
     }
@@ -111,7 +115,7 @@ impl<'a> Job<'a> {
     /// # Errors
     /// [`SimulationError`] if the run cannot start or a file cannot be written.
     pub fn attempt(self, folder: Option<&Path>) -> Result<RunRecord, SimulationError> {
-        let Self { simulation, mut observer, task, .. } = self;
+        let Self { simulation, mut observer, task, mut rows, .. } = self;
         let (run, structure) = (&simulation.settings, &simulation.structure);
         let start = simulation.start()?;
         let mut check = self.verify.then(|| simulation.verifier(&start));
@@ -122,7 +126,7 @@ impl<'a> Job<'a> {
         let (mut engine, why) = simulation.limited(start, self.max_events)?;
 
         let sampled = self.trajectory && folder.is_some();
-        let is_kept = folder.is_none();
+        let (is_kept, mut kept) = (folder.is_none() && self.log, Vec::new());
         let logged = self.log && folder.is_some();
         let logs = logged.then_some([EVENTS, TABLE]).into_iter().flatten();
         let files = logs.chain(sampled.then_some(TRAJECTORY)).chain([SUMMARY]).map(String::from).collect();
@@ -131,7 +135,16 @@ impl<'a> Job<'a> {
         let mut folder = request.map(|request| request.open()).transpose()?;
         let mut file = |name: &str| folder.as_mut().filter(|_| logged).map(|folder| folder.create(name)).transpose();
         let files = [file(EVENTS)?, file(TABLE)?];
-        let mut rows = EventRows::new(files, simulation.dimensionless, is_kept)
+        let mut keep = |row| {
+            if let Some(take) = &mut rows {
+                return take(row);
+            }
+            if is_kept {
+                kept.push(row);
+            }
+            ControlFlow::Continue(())
+        };
+        let mut rows = EventRows::new(files, simulation.dimensionless, &mut keep)
             .map_err(|error| SimulationError::File(TABLE, error))?;
         let file = folder.as_mut().filter(|_| sampled).map(|folder| folder.create(TRAJECTORY)).transpose()?;
         let mut samples = file.map(|file| SampleFile::new(simulation, BufWriter::new(file)));
@@ -212,9 +225,9 @@ impl<'a> Job<'a> {
         let written = rows.finish();
         let sampled = samples.map_or(Ok(()), SampleFile::finish);
         folder.map_or(Ok(()), |mut folder| folder.complete(SUMMARY, &summary))?;
-        let events = written.map_err(|error| SimulationError::File(EVENTS, error))?;
+        written.map_err(|error| SimulationError::File(EVENTS, error))?;
         sampled.map_err(|error| SimulationError::File(TRAJECTORY, error))?;
-        Ok(RunRecord { summary, events, end, failure })
+        Ok(RunRecord { summary, events: kept, end, failure })
     }
 }
 

@@ -24,7 +24,8 @@ pub use error::SimulationError;
 pub use job::{Job, RunRecord};
 pub use parameter::Parameter;
 pub use report::{ContactAtStart, MeshOfTeeth, Mode, Order, Report, Share, Speed};
-pub use rows::{event_head, event_lines};
+pub use rows::{EVENT_COLUMNS, EventCell, EventColumn, event_head, event_lines};
+pub use samples::SampleTable;
 pub use summary::{EndKind, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
 
 use crate::{
@@ -99,8 +100,7 @@ impl Simulation {
     /// # Errors
     /// [`SimulationError::Scene`] with every fault; a file that cannot be read is one.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SimulationError> {
-        let file = Some(path.as_ref().to_owned());
-        Ok(Self { file, ..Self::from_scene(Scene::from_file(path)?)? })
+        Ok(Self::from_scene(Scene::from_file(&path)?)?.read_from(path.as_ref()))
     }
 
     /// Returns the simulation of a scene. A borrowed scene is copied.
@@ -175,6 +175,12 @@ impl Simulation {
                 start_faults,
             },
         )
+    }
+
+    /// Returns the same simulation, read from `file`, which its outputs never replace.
+    #[must_use]
+    pub fn read_from(self, file: &Path) -> Self {
+        Self { file: Some(file.to_owned()), ..self }
     }
 
     /// Starts at these coordinates, m, and velocities, m/s, `[n]` each; its scene is changed accordingly.

@@ -1,6 +1,8 @@
 //! Rows of events, as they are written.
 
 use std::{
+    borrow::Cow,
+    fmt,
     fs::File,
     io::{self, LineWriter, Write},
     ops::ControlFlow,
@@ -11,73 +13,126 @@ use crate::{
     output::{csv_line, label, number},
 };
 
-/// Writer of event rows: to files, one JSON object a line and one line of a table for each contact, or to memory. Stores the first error.
-pub(super) struct EventRows {
+/// Writer of event rows: to files, one JSON object a line and one line of a table for each contact, or to a callback. Stores the first error.
+pub(super) struct EventRows<'a> {
     /// Each line reaches a file as it is written.
     files: [Option<LineWriter<File>>; 2],
     error: Option<io::Error>,
-    is_kept: bool,
-    kept: Vec<EventRow>,
+    take: &'a mut dyn FnMut(EventRow) -> ControlFlow<()>,
 }
 
-/// A column of the table: its name, its unit, its cell.
-type Column = (&'static str, &'static str, fn(&EventRow, &ContactEvent) -> String);
+/// Value of a cell of the table of events.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EventCell<'a> {
+    /// A whole number.
+    Whole(i64),
+    /// A number, absent where the event has none.
+    Number(Option<f64>),
+    /// A decimal number in all its digits, and rounded to a double.
+    Decimal(&'a str, f64),
+    /// A name.
+    Word(Cow<'a, str>),
+}
 
-const COLUMNS: [Column; 18] = [
-    ("index", "", |row, _| row.index.to_string()),
-    ("cycle", "", |row, _| row.n.to_string()),
-    ("phase", "_s", |row, _| number(row.phase)),
-    ("t", "_s", |row, _| row.t.clone()),
-    ("uncertainty", "_s", |row, _| number(row.uncertainty)),
-    ("contact", "", |_, c| c.name.clone()),
-    ("kind", "", |_, c| label(c.kind)),
-    ("from", "", |_, c| c.from.to_owned()),
-    ("to", "", |_, c| c.to.to_owned()),
-    ("deflection", "_m", |_, c| number(c.deflection)),
-    ("velocity", "_m_per_s", |_, c| number(c.velocity)),
-    ("approach", "_m_per_s", |_, c| cell(c.approach)),
-    ("release", "_m_per_s", |_, c| cell(c.release)),
-    ("duration", "_s", |_, c| cell(c.duration)),
-    ("peak_force", "_n", |_, c| cell(c.peak_force)),
-    ("impulse", "_n_s", |_, c| cell(c.impulse)),
-    ("energy_lost", "_j", |_, c| cell(c.energy_lost)),
-    ("restitution", "", |_, c| cell(c.restitution)),
+impl fmt::Display for EventCell<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Whole(value) => write!(f, "{value}"),
+            Self::Number(None) => Ok(()),
+            Self::Number(Some(value)) => f.write_str(&number(*value)),
+            Self::Decimal(text, _) => f.write_str(text),
+            Self::Word(word) => f.write_str(word),
+        }
+    }
+}
+
+/// Column of the table of events, which has a line for each contact of each instant.
+#[derive(Clone, Copy, Debug)]
+pub struct EventColumn {
+    name: &'static str,
+    /// End of the name that gives the unit.
+    unit: &'static str,
+    cell: for<'a> fn(&'a EventRow, &'a ContactEvent) -> EventCell<'a>,
+}
+
+impl EventColumn {
+    /// Returns the name with its unit; a dimensionless train has no units.
+    #[must_use]
+    pub fn name(&self, is_dimensionless: bool) -> String {
+        format!("{}{}", self.name, if is_dimensionless { "" } else { self.unit })
+    }
+
+    /// Returns the value of `contact` at the instant of `row`.
+    #[must_use]
+    pub fn cell<'a>(&self, row: &'a EventRow, contact: &'a ContactEvent) -> EventCell<'a> {
+        (self.cell)(row, contact)
+    }
+}
+
+const fn column(
+    name: &'static str,
+    unit: &'static str,
+    cell: for<'a> fn(&'a EventRow, &'a ContactEvent) -> EventCell<'a>,
+) -> EventColumn {
+    EventColumn { name, unit, cell }
+}
+
+use EventCell::{Decimal, Number, Whole, Word};
+
+/// Columns of the table of events.
+pub const EVENT_COLUMNS: [EventColumn; 18] = [
+    // Exact: a run has fewer than 2⁶³ events.
+    column("index", "", |row, _| Whole(row.index as i64)),
+    column("cycle", "", |row, _| Whole(row.n)),
+    column("phase", "_s", |row, _| Number(Some(row.phase))),
+    column("t", "_s", |row, _| Decimal(&row.t, row.seconds)),
+    column("uncertainty", "_s", |row, _| Number(Some(row.uncertainty))),
+    column("contact", "", |_, c| Word(Cow::Borrowed(&c.name))),
+    column("kind", "", |_, c| Word(Cow::Owned(label(c.kind)))),
+    column("from", "", |_, c| Word(Cow::Borrowed(c.from))),
+    column("to", "", |_, c| Word(Cow::Borrowed(c.to))),
+    column("deflection", "_m", |_, c| Number(Some(c.deflection))),
+    column("velocity", "_m_per_s", |_, c| Number(Some(c.velocity))),
+    column("approach", "_m_per_s", |_, c| Number(c.approach)),
+    column("release", "_m_per_s", |_, c| Number(c.release)),
+    column("duration", "_s", |_, c| Number(c.duration)),
+    column("peak_force", "_n", |_, c| Number(c.peak_force)),
+    column("impulse", "_n_s", |_, c| Number(c.impulse)),
+    column("energy_lost", "_j", |_, c| Number(c.energy_lost)),
+    column("restitution", "", |_, c| Number(c.restitution)),
 ];
 
-fn cell(value: Option<f64>) -> String {
-    value.map_or_else(String::new, number)
-}
-
-/// Returns the first line of a table of events. A dimensionless train has no units.
+/// Returns the first line of a table of events.
 #[must_use]
 pub fn event_head(is_dimensionless: bool) -> String {
-    csv_line(COLUMNS.iter().map(|(name, unit, _)| format!("{name}{}", if is_dimensionless { "" } else { unit })))
+    csv_line(EVENT_COLUMNS.iter().map(|column| column.name(is_dimensionless)))
 }
 
 /// Returns the lines of an instant, one for each contact with an event.
 pub fn event_lines(row: &EventRow) -> impl Iterator<Item = String> {
-    row.contacts.iter().map(move |contact| csv_line(COLUMNS.iter().map(|(.., cell)| cell(row, contact))))
+    row.contacts
+        .iter()
+        .map(move |contact| csv_line(EVENT_COLUMNS.iter().map(|column| column.cell(row, contact).to_string())))
 }
 
-impl EventRows {
-    /// Writes to these files, the table with its head; stores the rows if `is_kept`.
-    pub fn new(files: [Option<File>; 2], is_dimensionless: bool, is_kept: bool) -> io::Result<Self> {
+impl<'a> EventRows<'a> {
+    /// Writes to these files, the table with its head, and passes the rows to `take`.
+    pub fn new(
+        files: [Option<File>; 2],
+        is_dimensionless: bool,
+        take: &'a mut dyn FnMut(EventRow) -> ControlFlow<()>,
+    ) -> io::Result<Self> {
         let mut files = files.map(|file| file.map(LineWriter::new));
         if let [_, Some(table)] = &mut files {
             writeln!(table, "{}", event_head(is_dimensionless))?;
         }
-        Ok(Self { files, error: None, is_kept, kept: Vec::new() })
+        Ok(Self { files, error: None, take })
     }
 
     /// Adds a row; interrupts the run if it cannot be written.
     pub fn take(&mut self, row: EventRow) -> ControlFlow<()> {
         match self.write(&row) {
-            Ok(()) => {
-                if self.is_kept {
-                    self.kept.push(row);
-                }
-                ControlFlow::Continue(())
-            }
+            Ok(()) => (self.take)(row),
             Err(error) => {
                 self.error = Some(error);
                 ControlFlow::Break(())
@@ -96,10 +151,9 @@ impl EventRows {
         Ok(())
     }
 
-    /// Completes the files and returns the stored rows.
-    pub fn finish(mut self) -> io::Result<Vec<EventRow>> {
+    /// Completes the files.
+    pub fn finish(mut self) -> io::Result<()> {
         self.error.map_or(Ok(()), Err)?;
-        self.files.iter_mut().flatten().try_for_each(Write::flush)?;
-        Ok(self.kept)
+        self.files.iter_mut().flatten().try_for_each(Write::flush)
     }
 }

@@ -1,0 +1,264 @@
+"""Scenes: a train, its start and the settings of its run."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from . import _flank
+from ._errors import SceneWarning
+from ._records import Record
+from ._run import Run
+
+
+def load(scene: str | os.PathLike[str] | Mapping[str, Any] | None = None, *, name: str = "scene") -> Scene:
+    """Read a scene and check it.
+
+    Parameters
+    ----------
+    scene : path or mapping, optional
+        JSON file, or the same content as a dictionary; numbers of NumPy are allowed. The reference planetary set if left out.
+    name : str
+        Name of a dictionary in messages and results.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    SceneError
+        With every fault, each with the JSON pointer of its place.
+
+    Examples
+    --------
+    >>> import flank
+    >>> ball = flank.load({
+    ...     "flank": 1,
+    ...     "train": {
+    ...         "kind": "wall", "mass_kg": 1, "load_n": -9.81,
+    ...         "wall": {"side": "below", "position_m": 0},
+    ...         "law": {"kind": "rigid", "restitution": 0.8},
+    ...     },
+    ...     "initial": {"q": [1]},
+    ...     "run": {"t_end_s": 5},
+    ... })
+    >>> ball.run().events["t_s"][0] == (2 / 9.81) ** 0.5
+    np.True_
+    """
+    if scene is None:
+        return Scene(_flank.Scene.reference())
+    if isinstance(scene, Mapping):
+        return Scene(_flank.Scene.from_json(_json(scene), name))
+    return Scene(_flank.Scene.from_file(os.fspath(scene)))
+
+
+def _json(value: Any) -> str:
+    """Write a value as JSON; numbers and arrays of NumPy are written as numbers and lists."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, (np.generic, np.ndarray)):
+            return value.tolist()
+        if isinstance(value, Mapping):
+            return dict(value)
+        if isinstance(value, os.PathLike):
+            return os.fspath(value)
+        raise TypeError(f"a scene cannot hold {value!r} of type {type(value).__name__}")
+
+    return json.dumps(value, default=plain)
+
+
+class Scene:
+    """Scene that has been read and checked; it never changes.
+
+    Scenes come from :func:`load`, :meth:`with_` and :class:`Matrices`.
+    """
+
+    __slots__ = ("_core",)
+
+    def __init__(self, core: _flank.Scene) -> None:
+        self._core = core
+
+    @property
+    def name(self) -> str:
+        """File of the scene, or its given name."""
+        return self._core.name
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the scene with all defaults, without name and note, hexadecimal."""
+        return self._core.hash
+
+    @property
+    def freedoms(self) -> list[str]:
+        """Names of the degrees of freedom, ``[n]``."""
+        return self._core.freedoms
+
+    @property
+    def contacts(self) -> list[str]:
+        """Names of the contacts, such as the meshes."""
+        return self._core.contacts
+
+    @property
+    def components(self) -> list[str]:
+        """Names of the components of a state: coordinates, velocities, latched speeds."""
+        return self._core.components()
+
+    @property
+    def dimensionless(self) -> bool:
+        """True if the train is in dimensionless form; else its numbers are in SI units."""
+        return self._core.dimensionless
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The scene as it was given."""
+        return dict(json.loads(self._core.given()))
+
+    @property
+    def resolved(self) -> dict[str, Any]:
+        """The scene with every default written out."""
+        return dict(json.loads(self._core.resolved()))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Warnings about the train and its start."""
+        return self._core.warnings()
+
+    def check(self) -> Record:
+        """Return the contents of the scene: freedoms, contacts, natural frequencies, the orders that excite them.
+
+        Returns
+        -------
+        Record
+            The content of ``flank check --json``.
+        """
+        return Record(json.loads(self._core.report()))
+
+    def pointer(self, key: str) -> str:
+        """Return the JSON pointer of the only place with this key, such as ``/train/speed_rpm`` for ``speed_rpm``.
+
+        Raises
+        ------
+        SceneError
+            If no place has the key, with the most similar one, or if several have it, with all of them.
+        """
+        return self._core.pointer(key)
+
+    def with_(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> Scene:
+        """Return the same scene with other values.
+
+        Parameters
+        ----------
+        values : mapping, optional
+            Values by JSON pointer, such as ``{"/train/contacts/0/half_backlash_m": 1e-5}``, or by key.
+        **keys
+            Values by key, such as ``speed_rpm=1800``; a key must be at one place only.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        SceneError
+            For an unknown key, with a suggestion, or if the scene is invalid with these values.
+        """
+        changed = {**(values or {}), **keys}
+        return Scene(self._core.with_all([(key, _json(value)) for key, value in changed.items()]))
+
+    def run(
+        self,
+        *,
+        log: bool = True,
+        out: str | os.PathLike[str] | None = None,
+        replace: bool = False,
+        trajectory: bool = False,
+        verify: bool = False,
+        max_events: int | None = None,
+        observer: Callable[[Record], bool | None] | None = None,
+        progress: bool | Callable[[float], Any] = False,
+        **keys: Any,
+    ) -> Run:
+        """Run the scene to its end. Other threads of Python go on meanwhile.
+
+        Parameters
+        ----------
+        log : bool
+            Keep the events; without them a long run takes no memory.
+        out : path, optional
+            Folder for the files of ``flank run --no-report``, which get the same bytes: ``events.jsonl``, ``events.csv``, ``summary.json``.
+            The record has no events then.
+        replace : bool
+            Replace the files of an earlier run in the folder.
+        trajectory : bool
+            Write ``trajectory.csv`` into the folder too.
+        verify : bool
+            Check every event, and that there are no others, by two independent methods.
+        max_events : int, optional
+            End the run after this many events.
+        observer : callable, optional
+            Called with each instant of events as a :class:`Record`, the content of a line of ``events.jsonl``; ``False`` ends the run.
+        progress : bool or callable
+            Show a bar (with ``tqdm``), or call this with the share that is done, in [0, 1].
+        **keys
+            Values by key, as in :meth:`with_`, such as ``cycles=500``.
+
+        Returns
+        -------
+        Run
+
+        Raises
+        ------
+        SceneError
+            If the scene cannot start with these values.
+        Alarm
+            If the numbers of the run contradict each other; its attribute ``run`` has the record.
+        Interrupted
+            After Ctrl-C; its attribute ``run`` has the record up to there.
+        Error
+            If the run fails otherwise.
+        """
+        if keys:
+            return self.with_(keys).run(
+                log=log, out=out, replace=replace, trajectory=trajectory, verify=verify, max_events=max_events,
+                observer=observer, progress=progress,
+            )  # fmt: skip
+        return Run._of(
+            self,
+            {
+                "log": log,
+                "out": None if out is None else os.fspath(out),
+                "replace": replace,
+                "trajectory": trajectory,
+                "verify": verify,
+                "max_events": max_events,
+            },
+            observer,
+            progress,
+        )
+
+    def _warn(self) -> None:
+        for warning in self.warnings:
+            warnings.warn(f"{self.name}: {warning}", SceneWarning, stacklevel=4)
+
+    def __repr__(self) -> str:
+        kind = self.resolved["train"]["kind"]
+        return f"Scene({self.name!r}: {kind}, {len(self.freedoms)} freedoms, {len(self.contacts)} contacts)"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scene) and self.hash == other.hash
+
+    def __hash__(self) -> int:
+        return hash(self.hash)
+
+    def __reduce__(self) -> Any:
+        return _again, (self._core.given(), self.name)
+
+
+def _again(text: str, name: str) -> Scene:
+    return Scene(_flank.Scene.from_json(text, name))

@@ -1,0 +1,35 @@
+//! Errors of the library as exceptions of the package.
+
+use pyo3::{import_exception, prelude::*};
+
+use flank::{Error, output::Fault, simulation::SimulationError};
+
+mod exceptions {
+    use super::import_exception;
+
+    import_exception!(flank._errors, Error);
+    import_exception!(flank._errors, SceneError);
+    import_exception!(flank._errors, Alarm);
+}
+
+/// Returns the exception of an error.
+pub fn raised(error: impl Into<Error>) -> PyErr {
+    let error = error.into();
+    let text = error.to_string();
+    let faults = match &error {
+        Error::Scene(error) => &error.faults,
+        Error::Grid(error) => &error.0,
+        Error::Arguments(faults) => faults,
+        Error::Simulation(
+            SimulationError::Verify(_) | SimulationError::Energy { .. } | SimulationError::Overflow(_),
+        ) => return exceptions::Alarm::new_err(text),
+        _ => return exceptions::Error::new_err(text),
+    };
+    let row = |fault: &Fault| (fault.pointer.clone(), fault.found.clone(), fault.allowed.clone(), fault.remedy.clone());
+    exceptions::SceneError::new_err((text, faults.iter().map(row).collect::<Vec<_>>()))
+}
+
+/// Returns the exception for arguments that cannot be used.
+pub fn refused(place: &str, found: impl Into<String>, allowed: &str) -> PyErr {
+    raised(Error::Arguments(vec![Fault::new(place, found, allowed)]))
+}

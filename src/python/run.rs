@@ -1,0 +1,142 @@
+//! One run.
+
+use std::{ops::ControlFlow, path::PathBuf, sync::Arc};
+
+use numpy::{PyArray2, PyArrayMethods, ToPyArray};
+use pyo3::prelude::*;
+
+use crate::{
+    error::{raised, refused},
+    events::{Collector, Events},
+    work::detached,
+};
+use flank::{
+    Error, Simulation,
+    analysis::{EventRow, Grid},
+    simulation::EndKind,
+};
+
+/// Settings of one run, keyword arguments of the package.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct RunSettings {
+    log: bool,
+    out: Option<PathBuf>,
+    replace: bool,
+    trajectory: bool,
+    verify: bool,
+    max_events: Option<u64>,
+    observer: Option<Py<PyAny>>,
+    progress: Option<Py<PyAny>>,
+}
+
+/// Record of a run, the exception of a failed or interrupted one, and true if it was interrupted.
+pub type Outcome = (Run, Option<PyErr>, bool);
+
+/// Record of a run.
+#[pyclass(frozen, module = "flank._flank")]
+pub struct Run {
+    simulation: Arc<Simulation>,
+    summary: String,
+    events: Py<Events>,
+    end: flank::hybrid::Instant,
+}
+
+/// Runs a simulation. An exception of the observer is raised after the end of the run.
+pub fn run(py: Python<'_>, simulation: &Arc<Simulation>, settings: RunSettings) -> PyResult<Outcome> {
+    let RunSettings { log, out, replace, trajectory, verify, max_events, observer, progress } = settings;
+    let (mut collected, mut raised_by_observer) = (Collector::default(), None);
+    let (keeps, owned) = (log && out.is_none(), simulation.clone());
+    let done = detached(py, progress, |task| {
+        let mut rows = |row: EventRow| {
+            if keeps {
+                collected.take(&row);
+            }
+            let Some(observer) = &observer else { return ControlFlow::Continue(()) };
+            let text = serde_json::to_string(&row).unwrap_or_default();
+            match Python::attach(|py| observer.call1(py, (text,))?.extract::<Option<bool>>(py)) {
+                Ok(Some(false)) => ControlFlow::Break(()),
+                Ok(_) => ControlFlow::Continue(()),
+                Err(error) => {
+                    raised_by_observer = Some(error);
+                    ControlFlow::Break(())
+                }
+            }
+        };
+        let mut job = owned.job();
+        job.task = task;
+        job.log = log;
+        job.replace = replace;
+        job.trajectory |= trajectory;
+        job.verify |= verify;
+        job.max_events = job.max_events.min(max_events.unwrap_or(u64::MAX));
+        if keeps || observer.is_some() {
+            job.rows = Some(&mut rows);
+        }
+        job.attempt(out.as_deref())
+    });
+    if let Some(error) = raised_by_observer {
+        return Err(error);
+    }
+    let record = done.result.map_err(raised)?;
+    let events = Events::new(collected, simulation.dimensionless);
+    let events = Py::new(py, events.map_err(|error| raised(Error::file("events", std::io::Error::other(error))))?)?;
+    let summary = serde_json::to_string(&record.summary).unwrap_or_default();
+    let is_interrupted = record.summary.outcome.kind == EndKind::Interrupted;
+    let failure = done.cancelled.filter(|_| is_interrupted).or_else(|| record.failure.map(raised));
+    Ok((Run { simulation: simulation.clone(), summary, events, end: record.end.at }, failure, is_interrupted))
+}
+
+#[pymethods]
+impl Run {
+    /// Summary as JSON text.
+    fn summary(&self) -> &str {
+        &self.summary
+    }
+
+    #[getter]
+    fn events(&self, py: Python<'_>) -> Py<Events> {
+        self.events.clone_ref(py)
+    }
+
+    /// Returns the names and the values of samples up to the end of the run: at times, s, or at phases of each cycle.
+    #[pyo3(signature = (times=None, per_cycle=None))]
+    fn samples<'py>(
+        &self,
+        py: Python<'py>,
+        times: Option<Vec<f64>>,
+        per_cycle: Option<u32>,
+    ) -> PyResult<(Vec<String>, Bound<'py, PyArray2<f64>>)> {
+        let (clock, start) = (self.simulation.clock(), self.simulation.instants()[0]);
+        let grid = match (times, per_cycle) {
+            (Some(times), _) => {
+                let (from, to) = (clock.time(start).value(), clock.time(self.end).value());
+                let is_inside = |t: &f64| (from..=to).contains(t);
+                if let Some(t) = times.iter().find(|t| !is_inside(t)) {
+                    return Err(refused("t", format!("{t} s"), &format!("times of the run, from {from} to {to} s")));
+                }
+                if !times.is_sorted() {
+                    return Err(refused("t", "times in another order", "times in rising order"));
+                }
+                Grid::Times(times)
+            }
+            (None, Some(per_cycle)) if clock.period().is_some() && per_cycle > 0 => Grid::Phases { per_cycle },
+            _ => {
+                return Err(refused(
+                    "samples_per_cycle",
+                    "a scene without cycles, or no samples",
+                    "a forcing with a period",
+                ));
+            }
+        };
+        let (simulation, end) = (self.simulation.clone(), self.end);
+        let done = detached(py, None, |task| simulation.sample(grid, end, task));
+        if let Some(error) = done.cancelled {
+            return Err(error);
+        }
+        let table = done.result.map_err(raised)?;
+        let width = table.names.len();
+        let values = table.values.to_pyarray(py).reshape([table.values.len() / width, width])?;
+        Ok((table.names, values))
+    }
+}
