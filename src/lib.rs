@@ -97,6 +97,8 @@ pub mod plot;
 pub mod poly;
 
 pub use error::Error;
+/// Matrices and vectors of the public types.
+pub use nalgebra;
 pub use simulation::Simulation;
 pub use task::{Progress, Task};
 pub use vectors::Instructions;

@@ -1,14 +1,83 @@
 """The Rust side of the package."""
 
+from collections.abc import Callable
 from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
 
+__all__ = [
+    "Events",
+    "Run",
+    "Scene",
+    "Section",
+    "SectionMap",
+    "__version__",
+    "basins",
+    "branches",
+    "exponents",
+    "kinds",
+    "main",
+    "orbits",
+    "schema",
+    "sections",
+    "sweep",
+    "threshold",
+]
+
+_Array = npt.NDArray[np.float64]
+_Column = tuple[str, npt.NDArray[Any], list[str] | None]
+_Progress = Callable[[int, float], Any] | None
+
 __version__: str
 
 def main(words: list[str]) -> int: ...
 def schema() -> str: ...
+def sweep(scene: Scene, axes: list[str], settings: dict[str, Any], grid: dict[str, Any]) -> tuple[list[_Column], BaseException | None]: ...
+def kinds(
+    scene: Scene, axes: list[str], columns: list[str], cycles: tuple[int, int], grid: dict[str, Any]
+) -> tuple[list[_Column], BaseException | None]: ...
+def basins(scene: Scene, axes: list[str], cycles: tuple[int, int], grid: dict[str, Any]) -> tuple[list[_Column], BaseException | None]: ...
+def sections(
+    scene: Scene, x0: _Array, length: tuple[int, int], threads: int | None, progress: _Progress
+) -> tuple[_Array, list[tuple[int, str]]]: ...
+def orbits(scene: Scene, period: int | None, starts: int, threads: int | None, progress: _Progress) -> str: ...
+def exponents(scene: Scene, cycles: int | None, without_saltation: bool, finite: int | None, progress: _Progress) -> str: ...
+def branches(
+    scene: Scene,
+    pointers: list[str],
+    ends: tuple[float, float],
+    first: tuple[int | None, int],
+    threads: int | None,
+    progress: _Progress,
+) -> tuple[list[tuple[Any, ...]], int]: ...
+def threshold(scene: Scene, vary: tuple[str, tuple[float, float]] | None, by: str, progress: _Progress) -> str: ...
+
+@final
+class Section:
+    """State at the start of a cycle, complete for the motion after it."""
+
+    @property
+    def x(self) -> _Array:
+        """The state: coordinates, velocities, latched speeds, ``[dim]``."""
+    @property
+    def contacts(self) -> list[str]:
+        """State of each contact."""
+
+@final
+class SectionMap:
+    def __new__(cls, scene: Scene) -> SectionMap: ...
+    @property
+    def periods_per_cycle(self) -> int: ...
+    @property
+    def cycle(self) -> float: ...
+    @property
+    def components(self) -> list[str]: ...
+    def start(self) -> Section: ...
+    def section(self, x: _Array) -> Section: ...
+    def follow(self, section: Section, cycles: int) -> Section: ...
+    def image(self, section: Section, cycles: int, pointers: list[str]) -> tuple[Section, _Array, _Array, _Array, list[str], str]: ...
+
 @final
 class Scene:
     @staticmethod
@@ -41,9 +110,7 @@ class Run:
     @property
     def events(self) -> Events: ...
     def summary(self) -> str: ...
-    def samples(
-        self, times: list[float] | None = None, per_cycle: int | None = None
-    ) -> tuple[list[str], npt.NDArray[np.float64]]: ...
+    def samples(self, times: list[float] | None = None, per_cycle: int | None = None) -> tuple[list[str], npt.NDArray[np.float64]]: ...
 
 @final
 class Events:

@@ -102,5 +102,5 @@ def optional(module: str, wanted: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        root = module.split(".")[0]
+        root = module.split(".", maxsplit=1)[0]
         raise ImportError(f"{wanted} needs {root}: pip install {root}, or pip install 'flank[all]'") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import html
+import importlib
 import json
 import warnings
 from collections.abc import Callable, Iterator
@@ -240,7 +241,7 @@ def bar(progress: Any, kind: str, name: str, total: int | None = None) -> Iterat
         yield None
         return
     try:
-        from tqdm.auto import tqdm
+        tqdm = importlib.import_module("tqdm.auto").tqdm
     except ImportError:
         yield None
         return

@@ -58,6 +58,11 @@ def load(scene: str | os.PathLike[str] | Mapping[str, Any] | None = None, *, nam
     return Scene(_flank.Scene.from_file(os.fspath(scene)))
 
 
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of scenes."""
+    return dict(json.loads(_flank.schema()))
+
+
 def _json(value: Any) -> str:
     """Write a value as JSON; numbers and arrays of NumPy are written as numbers and lists."""
 

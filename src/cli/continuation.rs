@@ -94,15 +94,7 @@ fn axis(text: &str) -> Result<(Vec<&str>, [f64; 2]), Vec<Fault>> {
 /// Returns the parameter of an axis, and its range extended to the scene's own value.
 fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), Error> {
     let (pointers, ends) = axis(text).map_err(GridError)?;
-    let parameter = Parameter::new(scene.resolved(), &pointers)
-        .map_err(|reason| vec![Fault::new(text, reason, "pointers to numbers of the scene")])
-        .map_err(GridError)?;
-    let value = parameter.value();
-    if !(ends[0].min(ends[1])..=ends[0].max(ends[1])).contains(&value) {
-        let found = format!("a range without the scene's own value, {value}");
-        let allowed = "FROM:TO around it: the first orbit is that of the scene";
-        return Err(GridError(vec![Fault::new(text, found, allowed)]).into());
-    }
+    let parameter = Parameter::around(scene, &pointers, ends).map_err(|fault| GridError(vec![fault]))?;
     Ok((parameter, ends))
 }
 

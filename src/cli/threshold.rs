@@ -12,16 +12,9 @@ use super::{
 use crate::{
     Error,
     output::Fault,
-    scene::Scene,
-    study::{
-        rattle::{Loss, Rattle, RattleSearch, load_of},
-        steady::Rule,
-    },
+    study::rattle::{LoadThreshold, Loss, Rattle},
     sweep::GridError,
 };
-
-/// Largest load tried without a range, in loads of the scene.
-const MOST: f64 = 512.0;
 
 /// Arguments of `flank threshold`.
 #[derive(Debug, clap::Args)]
@@ -46,42 +39,24 @@ pub struct ThresholdArguments {
 /// Finds a threshold.
 pub fn execute(arguments: &ThresholdArguments) -> Result<Completion, Error> {
     let scene = read_scene(arguments.scene.as_deref())?;
-    let (pointer, range) = range(arguments, &scene).map_err(GridError)?;
-    if scene.built().spec.contacts.iter().any(|contact| contact.law.is_rigid()) {
-        let fault = Fault::new(
-            "/train",
-            "a rigid contact, which rests on its flank without a margin",
-            "compliant contact laws",
-        );
-        return Err(Error::Arguments(vec![fault.remedy("give the contact a stiffness, or use flank sweep")]));
-    }
-    let search = RattleSearch { scene: &scene, pointer: &pointer, range, loss: arguments.by, rule: Rule::default() };
+    let vary = arguments.vary.as_deref().map(axis).transpose().map_err(GridError)?;
     let bar = running(arguments.quiet);
     let progress = |_| bar.tick();
     let working = catch_interrupt();
     let task = cancellable(&progress);
-    let mut search = search;
-    let mut found = search.run(task);
-    // Without a range the load grows until the teeth keep contact.
-    while let (None, Ok(Rattle::Always { value }), true) =
-        (&arguments.vary, &found, search.range[1] / search.range[0] < 1e3 * MOST)
-    {
-        search.range[1] = 8.0 * value;
-        found = search.run(task);
-    }
-    let range = search.range;
-    let shared = found.as_ref().map_or(Ok(false), |found| search.is_shared(found, task));
+    let found = LoadThreshold::find(&scene, vary, arguments.by, task);
     drop(working);
     bar.finish_and_clear();
-    let found = match found {
+    let LoadThreshold { pointer, range, threshold, shared, .. } = &match found {
         Err(_) if task.is_cancelled() => return Ok(Completion::Interrupted),
+        Ok(found) if arguments.json => {
+            print(&format!("{:#}\n", json!(found)))?;
+            return Ok(Completion::Completely);
+        }
         found => found?,
     };
-    let shared = shared?;
-    let result =
-        json!({ "pointer": pointer, "range": range, "by": arguments.by, "threshold": found, "shared": shared });
-    print(&if arguments.json { format!("{result:#}\n") } else { text(&pointer, range, arguments.by, &found) })?;
-    if shared && !arguments.json {
+    print(&text(pointer, *range, arguments.by, threshold))?;
+    if *shared {
         print(
             "before it the start of the scene leads to another motion, which has the event: sweep both ways to see both\n",
         )?;
@@ -89,28 +64,15 @@ pub fn execute(arguments: &ThresholdArguments) -> Result<Completion, Error> {
     Ok(Completion::Completely)
 }
 
-/// Returns the number and its range: the end without loss of contact last.
-fn range(arguments: &ThresholdArguments, scene: &Scene) -> Result<(String, [f64; 2]), Vec<Fault>> {
-    let Some(text) = &arguments.vary else {
-        return load_of(scene).map(|(pointer, load)| (pointer, [1e-3 * load, 8.0 * load])).ok_or_else(|| {
-            let found = "no load that is a number in this train";
-            vec![Fault::new("--vary", found, "POINTER=FROM:TO").remedy("name the number to vary, and its range")]
-        });
-    };
+/// Reads `POINTER=FROM:TO`.
+fn axis(text: &str) -> Result<(String, [f64; 2]), Vec<Fault>> {
     let read = || {
         let (pointer, ends) = text.split_once('=')?;
         let (from, to) = ends.split_once(':')?;
         let [from, to] = [from, to].map(|end| end.parse::<f64>().ok().filter(|end| end.is_finite()));
         Some((pointer.to_owned(), [from?, to?]))
     };
-    let is_number = |pointer: &str| scene.resolved().pointer(pointer).is_some_and(serde_json::Value::is_number);
-    let fault = |found: &str, allowed: &str| vec![Fault::new(text, found, allowed)];
-    let (pointer, range) =
-        read().ok_or_else(|| fault("no range", "POINTER=FROM:TO, such as /train/torque_nm=1:200"))?;
-    if !is_number(&pointer) {
-        return Err(fault("a pointer to no number", "a pointer to a number of the resolved scene"));
-    }
-    if range[0] == range[1] { Err(fault("a range without length", "two different ends")) } else { Ok((pointer, range)) }
+    read().ok_or_else(|| vec![Fault::new(text, "no range", "POINTER=FROM:TO, such as /train/torque_nm=1:200")])
 }
 
 fn text(pointer: &str, [low, high]: [f64; 2], by: Loss, found: &Rattle) -> String {

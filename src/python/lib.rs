@@ -2,8 +2,10 @@
 //!
 //! Data cross as JSON text, NumPy arrays and Arrow columns. Work runs on a thread of its own, without the interpreter lock.
 
+mod dynamics;
 mod error;
 mod events;
+mod grids;
 mod run;
 mod scene;
 mod work;
@@ -14,7 +16,13 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _flank {
     #[pymodule_export]
-    use super::{events::Events, run::Run, scene::Scene};
+    use super::{
+        dynamics::{Section, SectionMap, branches, exponents, orbits, sections, threshold},
+        events::Events,
+        grids::{basins, kinds, sweep},
+        run::Run,
+        scene::Scene,
+    };
 
     use std::ffi::OsString;
 

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::scene::{BuiltScene, Scene, SceneError};
+use crate::scene::{BuiltScene, Fault, Scene, SceneError};
 
 /// Numbers of a scene that move together. The first takes the value; each further frequency is multiplied by the ratio of that to the
 /// scene's value, each period is divided by it.
@@ -53,6 +53,23 @@ impl Parameter {
             return Err(format!("{pointer} is zero in the scene: the others cannot follow it by a factor"));
         }
         Ok(Self { pointer, value, others, holds: None, beside: Vec::new() })
+    }
+
+    /// Returns the parameter of the numbers at `pointers` of a scene, whose own value must lie between the `ends`: a continuation begins
+    /// there.
+    ///
+    /// # Errors
+    /// The fault of the numbers or of the range.
+    pub fn around(scene: &Scene, pointers: &[&str], ends: [f64; 2]) -> Result<Self, Fault> {
+        let place = pointers.join(",");
+        let parameter = Self::new(scene.resolved(), pointers)
+            .map_err(|reason| Fault::new(&place, reason, "pointers to numbers of the scene"))?;
+        let value = parameter.value();
+        if (ends[0].min(ends[1])..=ends[0].max(ends[1])).contains(&value) {
+            return Ok(parameter);
+        }
+        let found = format!("a range without the scene's own value, {value}");
+        Err(Fault::new(&place, found, "FROM:TO around it: the first orbit is that of the scene"))
     }
 
     /// Returns the pointer of the first number.

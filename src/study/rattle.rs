@@ -13,7 +13,11 @@ use super::{
     StudyError,
     steady::{Rule, Seed, Steady, steady},
 };
-use crate::{orbit::MotionKind, scene::Scene, task::Task};
+use crate::{
+    orbit::MotionKind,
+    scene::{Fault, Scene, SceneError},
+    task::Task,
+};
 
 /// Loads tried on the way down.
 const SCAN: usize = 48;
@@ -97,6 +101,68 @@ pub struct RattleSearch<'a> {
     pub loss: Loss,
     /// Rule of the steady motions.
     pub rule: Rule,
+}
+
+/// Largest load tried without a range, in loads of the scene.
+const MOST: f64 = 512.0;
+
+/// Threshold of loss of contact, with the search that found it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LoadThreshold {
+    /// The event.
+    pub by: Loss,
+    /// JSON pointer of the load in the resolved scene.
+    pub pointer: String,
+    /// Ends of the range.
+    pub range: [f64; 2],
+    /// True if the start of the scene leads to another motion before the threshold, which has the event.
+    pub shared: bool,
+    /// The threshold.
+    pub threshold: Rattle,
+}
+
+impl LoadThreshold {
+    /// Searches over the number and the range of `vary`, downwards from its second end. Without them, over the load of the scene: from a
+    /// thousandth of it to eight times it, or more.
+    ///
+    /// # Errors
+    /// [`SceneError`] for a train without a load, a number that the scene does not have, or a rigid contact; errors of
+    /// [`RattleSearch::run`].
+    pub fn find(scene: &Scene, vary: Option<(String, [f64; 2])>, by: Loss, task: Task<'_>) -> Result<Self, StudyError> {
+        let is_open = vary.is_none();
+        let refused =
+            |fault: Fault| StudyError::from(SceneError { name: scene.name().to_owned(), faults: vec![fault] });
+        let loaded = || {
+            load_of(scene).map(|(pointer, load)| (pointer, [1e-3 * load, 8.0 * load])).ok_or_else(|| {
+                let fault = Fault::new("/train", "no load that is a number in this train", "a number and its range");
+                refused(fault.remedy("name the number to vary, and its range"))
+            })
+        };
+        let (pointer, range) = vary.map_or_else(loaded, Ok)?;
+        if !scene.resolved().pointer(&pointer).is_some_and(Value::is_number) {
+            let allowed = "a pointer to a number of the resolved scene";
+            return Err(refused(Fault::new(&pointer, "a pointer to no number", allowed)));
+        }
+        if range[0] == range[1] {
+            return Err(refused(Fault::new(&pointer, "a range without length", "two different ends")));
+        }
+        if scene.built().spec.contacts.iter().any(|contact| contact.law.is_rigid()) {
+            let found = "a rigid contact, which rests on its flank without a margin";
+            let fault = Fault::new("/train", found, "compliant contact laws");
+            return Err(refused(fault.remedy("give the contact a stiffness, or use flank sweep")));
+        }
+        let mut search = RattleSearch { scene, pointer: &pointer, range, loss: by, rule: Rule::default() };
+        let mut threshold = search.run(task)?;
+        // Without a range the load grows until the teeth keep contact.
+        while let (true, Rattle::Always { value }, true) =
+            (is_open, &threshold, search.range[1] / search.range[0] < 1e3 * MOST)
+        {
+            search.range[1] = 8.0 * value;
+            threshold = search.run(task)?;
+        }
+        let (range, shared) = (search.range, search.is_shared(&threshold, task)?);
+        Ok(Self { by, pointer, range, shared, threshold })
+    }
 }
 
 /// Returns the load of a train: JSON pointer and value. None if the train has none.

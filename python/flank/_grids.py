@@ -1,0 +1,321 @@
+"""Work over many points: sweeps, maps and basins, as datasets of xarray."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _flank
+from ._errors import Fault, Interrupted, SceneError
+from ._records import optional
+from ._run import bar
+from ._scene import Scene
+
+Axis = str | npt.ArrayLike
+"""Values of an axis: an array, or ``"FROM:TO:COUNT"`` (``…:log`` for equal ratios) as in the command."""
+
+UNITS = {
+    "_m_per_s": "m/s",
+    "_n_s": "N s",
+    "_n_per_m": "N/m",
+    "_n_s_per_m": "N s/m",
+    "_rad_per_s": "rad/s",
+    "_kg_m2": "kg m²",
+    "_rpm": "rev/min",
+    "_nm": "N m",
+    "_rad": "rad",
+    "_deg": "°",
+    "_hz": "Hz",
+    "_kg": "kg",
+    "_mm": "mm",
+    "_um": "µm",
+    "_kw": "kW",
+    "_s": "s",
+    "_n": "N",
+    "_m": "m",
+    "_w": "W",
+    "_j": "J",
+}
+"""Units by the ends of names, the longest first."""
+
+WORDS = ("kind", "word", "reason", "error", "impacts", "attractor")
+
+
+def unit_of(name: str) -> dict[str, str]:
+    """Return the unit that the end of a name gives, as attributes of xarray."""
+    ends = sorted((end for end in UNITS if name.endswith(end)), key=len)
+    return {"units": UNITS[ends[-1]]} if ends else {}
+
+
+def sweep(
+    scene: Scene,
+    axes: Mapping[str, Axis] | None = None,
+    /,
+    *,
+    seed: str = "fresh",
+    columns: Sequence[str] = (),
+    tolerance: float | None = None,
+    max_cycles: int | None = None,
+    measure_cycles: int | None = None,
+    out: str | os.PathLike[str] | None = None,
+    replace: bool = False,
+    threads: int | None = None,
+    progress: bool | Callable[[float], Any] = True,
+    **keys: Axis,
+) -> Any:
+    """Measure the steady motion at every point of a grid of one or two numbers of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    axes : mapping, optional
+        Values by JSON pointer or key: an array, or ``"FROM:TO:COUNT"``, with ``:log`` for equal ratios.
+    seed : {"fresh", "up", "down", "both"}
+        Start of a point: as the scene says, or the end of its neighbour along the last axis.
+    columns : sequence of str
+        Measures of contacts, by their names without unit; the usual ones if empty.
+    tolerance : float, optional
+        Largest relative distance between the ends of an orbit, 1e-9 by default.
+    max_cycles, measure_cycles : int, optional
+        Cycles of the search for an orbit, 400 by default, and cycles measured.
+    out : path, optional
+        Folder of the files of ``flank sweep``, which get the same bytes. An interrupted call goes on from there.
+    replace : bool
+        Begin anew in a folder that has another sweep.
+    threads : int, optional
+        As many as there are cores by default; results do not depend on it.
+    progress : bool or callable
+        Show a bar (if ``tqdm`` is installed), or call this with the share that is done.
+    **keys
+        Values by key, such as ``speed_rpm=np.linspace(500, 900, 41)``.
+
+    Returns
+    -------
+    xarray.Dataset
+        A dimension for each axis, ``direction`` for ``seed="both"``, and ``contact`` for measures of contacts. Variables have the names of
+        the columns of ``sweep.csv``, and their units as attributes. A point that failed has its reason in ``error``, and NaN elsewhere.
+
+    Raises
+    ------
+    SceneError
+        With all faults of the axes, or of the scene at the corners of the grid.
+    Interrupted
+        After Ctrl-C; the same call with the same ``out`` goes on.
+    """
+    settings = {
+        "seed": seed,
+        "columns": list(columns),
+        "tolerance": tolerance,
+        "max_cycles": max_cycles,
+        "measure_cycles": measure_cycles,
+    }
+
+    def work(texts: list[str], grid: dict[str, Any]) -> Any:
+        return _flank.sweep(scene._core, texts, settings, grid)
+
+    points = _points(scene, {**(axes or {}), **keys}, _pointer)
+    return _dataset("sweep", scene, points, work, (out, replace, threads, progress), 2 if seed == "both" else 1)
+
+
+def map(
+    scene: Scene,
+    axes: Mapping[str, Axis] | None = None,
+    /,
+    *,
+    columns: Sequence[str] = (),
+    transient: int = 200,
+    further: int = 500,
+    out: str | os.PathLike[str] | None = None,
+    replace: bool = False,
+    threads: int | None = None,
+    progress: bool | Callable[[float], Any] = True,
+    **keys: Axis,
+) -> Any:
+    """Decide what the motion is in every cell over two numbers of a scene: periodic, chaotic, teeth apart, one flank or both.
+
+    Parameters
+    ----------
+    scene, axes, out, replace, threads, progress, **keys
+        As for :func:`sweep`, with two axes; the files are those of ``flank map``.
+    columns : sequence of str
+        Measures of contacts, by their names without unit; ``apart_fraction`` if empty.
+    transient : int
+        Cycles of the transient, from 1.
+    further : int
+        Cycles after it that decide on the kind of a motion without an orbit, from 100.
+
+    Returns
+    -------
+    xarray.Dataset
+        As for :func:`sweep`, with ``kind``, ``period_cycles``, ``word``, ``exponent`` and ``impacts`` of each cell.
+    """
+
+    def work(texts: list[str], grid: dict[str, Any]) -> Any:
+        return _flank.kinds(scene._core, texts, list(columns), (transient, further), grid)
+
+    points = _points(scene, {**(axes or {}), **keys}, _pointer)
+    return _dataset("map", scene, points, work, (out, replace, threads, progress))
+
+
+def basins(
+    scene: Scene,
+    axes: Mapping[str, Axis] | None = None,
+    /,
+    *,
+    transient: int = 200,
+    further: int = 500,
+    out: str | os.PathLike[str] | None = None,
+    replace: bool = False,
+    threads: int | None = None,
+    progress: bool | Callable[[float], Any] = True,
+    **keys: Axis,
+) -> Any:
+    """Find the attractor on which each start in a plane of starts ends.
+
+    Parameters
+    ----------
+    scene, out, replace, threads, progress
+        As for :func:`sweep`; the files are those of ``flank basins``.
+    axes : mapping
+        Two components of the start: ``"q NAME"`` or ``"v NAME"`` with the name of a freedom, or their JSON pointers.
+    transient, further : int
+        As for :func:`map`.
+    **keys
+        ``q`` and ``v`` of a train with one freedom.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``attractor`` (-1 if the motion is not decided or failed), ``cycles`` and ``error`` of each start. The attribute ``attractors`` is a
+        list of the attractors, with their kinds, words, states and shares of the starts; ``measures`` has the measures of the boundary.
+    """
+
+    def work(texts: list[str], grid: dict[str, Any]) -> Any:
+        table, interrupted = _flank.basins(scene._core, texts, (transient, further), grid)
+        if interrupted is None:
+            found.update(json.loads(Path(grid["out"], "attractors.json").read_text("utf-8")))
+        return table, interrupted
+
+    found: dict[str, Any] = {}
+    points = _points(scene, {**(axes or {}), **keys}, _start)
+    data = _dataset("basins", scene, points, work, (out, replace, threads, progress))
+    words = data["attractor"].values
+    numbers = np.array([int(word) if word.isdigit() else -1 for word in words.flat], dtype=np.int64)
+    data["attractor"] = (data["attractor"].dims, numbers.reshape(words.shape))
+    data.attrs.update(found)
+    return data
+
+
+def _pointer(scene: Scene, key: str) -> str:
+    return scene.pointer(key)
+
+
+def _start(scene: Scene, key: str) -> str:
+    """Return the pointer of a component of the start."""
+    if key.startswith("/"):
+        return key
+    kind, _, name = key.partition(" ")
+    if kind in ("q", "v") and not name and len(scene.freedoms) == 1:
+        name = scene.freedoms[0]
+    if kind not in ("q", "v") or name not in scene.freedoms:
+        known = ", ".join(f"{kind} {name}" for kind in ("q", "v") for name in scene.freedoms)
+        fault = Fault(key, "no component of the start", known, "")
+        raise SceneError(f"the axes cannot be used\n  at {key}\n    found:   {fault.found}\n    allowed: {known}", [fault])
+    return f"/initial/{kind}/{name}"
+
+
+def _points(scene: Scene, axes: Mapping[str, Axis], pointer: Callable[[Scene, str], str]) -> dict[str, tuple[str, str]]:
+    """Return pointer and text form of each axis, by its key."""
+    points = {}
+    for key, values in axes.items():
+        if not isinstance(values, str):
+            # Each number in the digits that read as the same double.
+            values = ",".join(repr(value) for value in np.atleast_1d(np.asarray(values, dtype=np.float64)).tolist())
+        name = pointer(scene, key)
+        points[key] = name, f"{name}={values}"
+    return points
+
+
+def _dataset(
+    name: str,
+    scene: Scene,
+    points: dict[str, tuple[str, str]],
+    work: Callable[[list[str], dict[str, Any]], Any],
+    settings: tuple[str | os.PathLike[str] | None, bool, int | None, bool | Callable[[float], Any]],
+    rows: int = 1,
+) -> Any:
+    """Do the work in its folder, and arrange its table."""
+    xarray = optional("xarray", f"flank.{name}")
+    out, replace, threads, progress = settings
+    total = rows * math.prod(_count(text) for _, text in points.values())
+    with tempfile.TemporaryDirectory(prefix="flank-") as scratch, bar(progress, "units", name, total) as report:
+        folder = os.path.join(scratch, name) if out is None else os.fspath(out)
+        grid = {"out": folder, "replace": replace, "threads": threads, "progress": report}
+        table, interrupted = work([text for _, text in points.values()], grid)
+    if interrupted is not None:
+        kept = "" if out is None else f"; finished rows are kept in {folder}, and the same call goes on"
+        raise (Interrupted(f"interrupted{kept}") if isinstance(interrupted, KeyboardInterrupt) else interrupted)
+    columns = {column: _values(values, words) for column, values, words in table}
+    pointers = [pointer for pointer, _ in points.values()]
+    keys = _names(list(points))
+    coordinates: dict[str, Any] = {}
+    shape = []
+    for key, pointer in zip(keys, pointers, strict=True):
+        values = columns.pop(pointer)
+        _, first = np.unique(values, return_index=True)
+        axis = values[np.sort(first)]
+        shape.append(len(axis))
+        units = {} if scene.dimensionless else unit_of(pointer)
+        coordinates[key] = (key, axis, {"pointer": pointer, **units})
+    dimensions = list(keys)
+    if "direction" in columns:
+        directions = columns.pop("direction")
+        seen = list(dict.fromkeys(directions.tolist()))
+        if len(seen) > 1:
+            dimensions.append("direction")
+            shape.append(len(seen))
+            coordinates["direction"] = seen
+    data: dict[str, Any] = {}
+    measures: dict[str, dict[str, npt.NDArray[Any]]] = {}
+    for column, values in columns.items():
+        owner, _, measure = column.rpartition(" ")
+        arranged = values.reshape(shape)
+        if owner:
+            measures.setdefault(measure, {})[owner] = arranged
+        else:
+            data[column] = (dimensions, arranged, {} if column in WORDS else unit_of(column))
+    for measure, of in measures.items():
+        along = "bearing" if measure.startswith("bearing") else "contact"
+        known = coordinates.setdefault(along, list(of))
+        arrays = [of.get(owner, np.full(shape, np.nan)) for owner in known]
+        data[measure] = ([*dimensions, along], np.stack(arrays, axis=-1), unit_of(measure))
+    attributes = {"scene": scene.name, "scene_sha256": scene.hash, "flank": _flank.__version__}
+    return xarray.Dataset(data, coordinates, attributes)
+
+
+def _count(text: str) -> int:
+    """Return the number of values of an axis in text form, for the length of a bar; 1 for a text that will be refused."""
+    values = text.rpartition("=")[2]
+    parts = values.split(":")
+    if len(parts) < 3:
+        return values.count(",") + 1
+    return int(parts[2]) if parts[2].isdigit() else 1
+
+
+def _names(keys: list[str]) -> list[str]:
+    """Return names for the dimensions of keys or pointers: the last keys of pointers if they differ."""
+    last = [next(part for part in reversed(key.split("/")) if not part.isdigit()) for key in keys]
+    return last if len(set(last)) == len(last) else [key.strip("/").replace("/", " ") for key in keys]
+
+
+def _values(values: npt.NDArray[Any], words: list[str] | None) -> npt.NDArray[Any]:
+    return values if words is None else np.array([*words, ""], dtype=np.str_)[values]

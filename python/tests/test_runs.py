@@ -1,0 +1,222 @@
+"""Runs: events, measures, motion."""
+
+import os
+import pickle
+import signal
+import threading
+import time
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from conftest import SCENES
+
+import flank
+
+BALL = {
+    "flank": 1,
+    "train": {
+        "kind": "wall",
+        "mass_kg": 1,
+        "load_n": -9.81,
+        "wall": {"side": "below", "position_m": 0},
+        "law": {"kind": "rigid", "restitution": 0.8},
+    },
+    "initial": {"q": [1]},
+    "run": {"t_end_s": 5},
+}
+
+
+def test_a_ball_strikes_at_the_exact_times():
+    run = flank.load(BALL).run()
+    first = np.sqrt(2 / 9.81)
+    flights = 2 * first * 0.8 ** np.arange(1, 30)
+    exact = first + np.concatenate([[0.0], np.cumsum(flights)])
+    times = run.events["t_s"][:30]
+    assert np.all(np.abs(times - exact) <= 4 * np.finfo(float).eps * exact)
+    assert run.events["kind"][0] == "impact"
+    assert np.all(np.abs(run.events["approach_m_per_s"][:30] - 9.81 * first * 0.8 ** np.arange(30)) < 1e-13)
+
+
+def test_exact_times_round_to_the_times(pair):
+    run = pair.run()
+    exact = run.events.exact_times()
+    assert isinstance(exact[0], Decimal)
+    assert [float(t) for t in exact] == run.events["t"].tolist()
+
+
+def test_numbers_of_numpy_are_numbers_of_a_scene(pair):
+    ball = {**BALL, "initial": {"q": np.array([1.0])}, "run": {"t_end_s": np.float64(5)}}
+    assert flank.load(ball) == flank.load(BALL)
+    assert pair.with_(mean_load=np.float64(0.25)) == pair.with_(mean_load=0.25)
+    assert pair.with_(cycles=np.int64(700)).resolved["run"]["cycles"] == 700
+
+
+def test_columns_of_events_agree_in_all_forms(pair):
+    pandas, polars, pyarrow = (pytest.importorskip(name) for name in ("pandas", "polars", "pyarrow"))
+    events = pair.run().events
+    frame, other, table = events.to_pandas(), events.to_polars(), pyarrow.table(events)
+    assert list(events) == list(frame.columns) == other.columns == table.column_names == list(events.array.dtype.names)
+    assert len(events) == len(frame) == len(other) == table.num_rows == len(events.array) == 999
+    for name in events:
+        column = events[name]
+        if column.dtype.kind == "f":
+            absent = np.isnan(column)
+            assert table[name].null_count == absent.sum()
+            for values in (frame[name], other[name].fill_null(np.nan), table[name].to_numpy(), events.array[name]):
+                assert np.array_equal(column, np.asarray(values), equal_nan=True)
+        else:
+            for values in (frame[name], other[name].cast(polars.String) if column.dtype.kind == "U" else other[name], events.array[name]):
+                assert column.tolist() == list(values)
+            assert column.tolist() == table[name].to_pylist()
+    assert isinstance(frame["kind"].dtype, pandas.CategoricalDtype)
+
+
+def test_measures_are_attributes_with_the_names_of_the_summary(pair):
+    run = pair.run()
+    mesh = run.contacts["mesh"]
+    assert mesh.apart_fraction == mesh["apart_fraction"] == run.summary.contacts[0].apart_fraction == run.contacts[0].apart_fraction
+    assert 0.6 < mesh.apart_fraction < 0.7
+    with pytest.raises(AttributeError, match="apart_time"):
+        _ = mesh.apart_tim
+    with pytest.raises(KeyError, match="mesh"):
+        _ = run.contacts["gear"]
+    assert run.contacts.to_pandas().loc["mesh", "separations"] == 100
+    assert "mesh" in run._repr_html_()
+
+
+def test_the_motion_is_the_dense_output_at_exact_times(pair):
+    run = pair.run(cycles=40, transient_cycles=0)
+    events = run.events["t"]
+    motion = run.trajectory(events)
+    # At a crossing of a flank its deflection is half the backlash, 1.
+    assert np.all(np.abs(np.abs(motion.deflection[:, 0]) - 1) < 1e-13)
+    cycles = run.trajectory(samples_per_cycle=4)
+    assert len(cycles) == 4 * 40 + 1
+    # Rounded times differ from exact phases by half a unit in the last place.
+    assert np.allclose(run.trajectory(cycles.t[:20]).q, cycles.q[:20], rtol=0, atol=1e-13)
+    assert np.array_equal(cycles.q[-1], run.outcome.q)
+    assert np.array_equal(cycles.v[-1], run.outcome.v)
+    assert cycles.to_xarray()["force"].dims == ("t", "contact")
+    for wrong in ([1.0, 0.5], [-1.0], [1e9]):
+        with pytest.raises(flank.SceneError, match="at t\n"):
+            run.trajectory(wrong)
+
+
+def test_keys_are_found_and_unknown_ones_refused(spur):
+    assert spur.pointer("speed_rpm") == "/train/speed_rpm"
+    assert spur.with_(speed_rpm=1800).resolved["train"]["speed_rpm"] == 1800
+    with pytest.raises(flank.SceneError, match="speed_rpm") as error:
+        spur.with_(speed_rmp=1800, cycles=5)
+    (fault,) = error.value.faults
+    assert fault.pointer == "speed_rmp" and "speed_rpm" in fault.remedy
+    with pytest.raises(flank.SceneError) as error:
+        spur.with_({"/run/cycles": -1, "/train/torque_nm": "much"})
+    assert [fault.pointer for fault in error.value.faults] == ["/train/torque_nm", "/run/cycles"] or len(error.value.faults) == 2
+
+
+def test_a_dictionary_has_the_faults_of_a_file(tmp_path):
+    import json
+
+    wrong = {**BALL, "run": {"t_end_s": -5}, "trian": {}}
+    path = tmp_path / "wrong.json"
+    path.write_text(json.dumps(wrong))
+    faults = []
+    for scene in (wrong, path):
+        with pytest.raises(flank.SceneError) as error:
+            flank.load(scene)
+        faults.append(error.value.faults)
+    assert faults[0] == faults[1] and len(faults[0]) >= 2
+
+
+def test_an_observer_sees_every_event_and_ends_the_run(pair):
+    seen = []
+    run = pair.run(observer=seen.append)
+    assert [event.seconds for event in seen] == run.events["t"].tolist()
+    stopped = pair.run(observer=lambda event: event.index < 5)
+    assert stopped.outcome.kind == "stopped" and stopped.work.events == 6
+    with pytest.raises(ZeroDivisionError):
+        pair.run(observer=lambda event: 1 / 0)
+
+
+def test_runs_release_the_interpreter(pair):
+    count, ends = 0, threading.Event()
+
+    def watch():
+        nonlocal count
+        while not ends.is_set():
+            count += 1
+            time.sleep(1e-3)
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    pair.run(cycles=50_000, log=False)
+    ends.set()
+    thread.join()
+    assert count > 20
+
+
+def test_an_interrupt_ends_a_run_cleanly(pair):
+    threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(flank.Interrupted) as error:
+        pair.run(cycles=10**9, log=False)
+    run = error.value.run
+    assert run.outcome.kind == "interrupted" and run.work.events > 0
+    assert isinstance(error.value, KeyboardInterrupt) and isinstance(error.value, flank.Error)
+
+
+def test_a_spent_budget_warns_and_a_limit_does_not(pair):
+    with pytest.warns(flank.SceneWarning, match="event_budget"):
+        run = pair.run(event_budget=7)
+    assert run.outcome.kind == "event-budget-spent" and len(run.events) == 7
+    assert len(pair.run(max_events=7).events) == 7
+
+
+def test_a_failed_run_keeps_what_it_had(pair):
+    with pytest.raises(flank.Error, match="step") as error:
+        pair.run(step_budget=1000)
+    assert error.value.run.outcome.kind == "failed"
+    assert 0 < len(error.value.run.events) < 999
+
+
+def test_progress_is_reported(pair):
+    shares = []
+    pair.run(cycles=100_000, log=False, progress=shares.append)
+    assert shares == sorted(shares) and shares[0] > 0 and shares[-1] <= 1
+
+
+def test_scenes_are_values(pair):
+    again = pickle.loads(pickle.dumps(pair))
+    assert again == pair and hash(again) == hash(pair)
+    assert pickle.loads(pickle.dumps(pair.run().contacts["mesh"])) == pair.run().contacts["mesh"]
+    assert pair.check().name == pair.name
+    assert flank.load().resolved["train"]["kind"] == "planetary"
+
+
+def test_matrices_make_the_train_of_the_same_scene():
+    sparse = pytest.importorskip("scipy.sparse")
+    contact = {
+        "name": "stop",
+        "direction": np.array([1.0, 0.0]),
+        "half_backlash_m": 1e-4,
+        "stiffness": 1e6,
+        "law": {"kind": "kelvin-voigt", "damping_n_s_per_m": 10.0},
+    }
+    run = {"cycles": 50}
+    harmonic = [{"vector_n": [30.0, 0.0], "frequency_rad_per_s": 300.0}]
+    stiffness = np.array([[2e5, -1e5], [-1e5, 1e5]])
+    dense = flank.Matrices([1.0, 2.0], None, stiffness, contacts=[contact], load_harmonics=harmonic, run=run)
+    other = flank.Matrices(
+        sparse.diags_array([1.0, 2.0]), None, sparse.csr_array(stiffness), contacts=[contact], load_harmonics=harmonic, run=run
+    )
+    assert other.freedoms == ["q1", "q2"]
+    assert len(dense.run().events) > 0
+    assert dense.run().events["t_s"].tolist() == other.run().events["t_s"].tolist()
+    with pytest.raises(flank.SceneError, match="mass_kg"):
+        flank.Matrices([1.0, -2.0], run=run)
+
+
+def test_every_example_scene_loads():
+    for path in sorted(SCENES.glob("*.json")):
+        scene = flank.load(path)
+        assert scene.freedoms and repr(scene)
