@@ -19,31 +19,33 @@
 //! let rest = run.events.iter().find(|row| row.accumulation.is_some()).expect("the ball comes to rest");
 //! let exact = (2.0f64 / 9.81).sqrt() * 1.8 / 0.2;
 //! assert!((rest.seconds - exact).abs() < 1e-13 * exact);
-//! # Ok::<(), flank::simulation::SimulationError>(())
+//! # Ok::<(), flank::Error>(())
 //! ```
 //!
-//! # Modules
+//! # By task
 //!
-//! | module | contents |
+//! [`prelude`] has the names of the first three rows.
+//!
+//! | task | interface |
 //! |---|---|
-//! | [`simulation`] | the main interface: a [`Simulation`] is a scene, or a train built in Rust, ready to run |
-//! | [`scene`] | JSON scenes: read, checked, built |
-//! | [`train`] | bodies, pairs, planetary stages, walls: their assembly into a [`Spec`](system::Spec) |
-//! | [`system`] | a linear structure with contacts: the automaton, jumps, impacts, energy |
-//! | [`gear`] | one mesh: geometry, phases, stiffness, contact laws |
-//! | [`hybrid`] | terms of the automaton: modes, guards, flows, instants, [`HybridSystem`](hybrid::HybridSystem) |
-//! | [`integrate`] | dense steps along a smooth arc: Taylor series, and diffsol's methods behind a feature |
-//! | [`event`] | the first guard that falls on a step, and its record |
-//! | [`engine`] | repetition of flow, first event and jump; observers, outcomes, accumulating impacts |
-//! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
-//! | [`accuracy`] | the engine and fixed-step penalty codes on one problem: errors against a reference of stated error, charts |
-//! | [`verify`] | check of a run arc by arc, by two independent methods for the next event |
-//! | [`orbit`] | the derivative of the motion, periodic orbits, multipliers, exponents, words |
-//! | [`branch`] | orbits followed along a parameter, special points located, curves of them |
-//! | [`map`] | maps over two parameters, basins, diagrams |
-//! | [`ensemble`] | many motions of one train in parallel, each with the same bits as alone |
-//! | [`sweep`] | the same work at every point of a grid, stored row by row |
-//! | [`study`] | steady motions, their dependence on parameters of a scene, identification of such parameters |
+//! | run a scene, read its events and measures | [`Simulation`], [`simulation::Job`], [`simulation::RunRecord`] |
+//! | read, check and change scenes | [`scene::Scene`]; files of other programs: `import` |
+//! | follow progress, cancel, handle errors | [`Task`], [`Progress`], [`Error`] |
+//! | many starts of one train | [`ensemble::Ensemble`] |
+//! | steady motions over a grid of numbers | [`study::SteadySweep`], stored by [`sweep`] |
+//! | kinds of motion over two numbers, basins, diagrams | [`map`] |
+//! | periodic orbits, multipliers, exponents | [`orbit::Search`], [`orbit::SectionMap`], [`orbit::Lyapunov`] |
+//! | orbits along a number, and where they change | [`branch::Continuation`] |
+//! | loads below which contact is lost | [`study::rattle`] |
+//! | numbers of a scene from measurements, simpler models | [`study::identify`](mod@study::identify), [`study::fit`], [`study::advise`](mod@study::advise) |
+//! | errors and times of fixed-step codes | [`accuracy`] |
+//! | check of a run by two independent methods | [`verify`] |
+//! | trains built in Rust | [`train`] for gears, [`system::Spec`] for matrices with contacts, [`gear`] for one mesh |
+//! | measures of one's own during a run | [`engine::Observer`], with those of [`analysis`] as examples |
+//! | control of each arc and event | [`engine`], [`event`], [`integrate`], and the terms in [`hybrid`] |
+//!
+//! Public types may gain fields and variants in any version unless they are made to be written by users, such as those of [`train`].
+//! nalgebra, whose matrices they hold, is re-exported as [`nalgebra`].
 //!
 //! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and user-defined fields), `import` (gearbox files)
 //! and `plot` (pictures), the last two parts of `cli`, all on by default. Without them the library has only Taylor series and Radau steps.
@@ -97,11 +99,24 @@ pub mod plot;
 pub mod poly;
 
 pub use error::Error;
-/// Matrices and vectors of the public types.
+#[doc(no_inline)]
 pub use nalgebra;
 pub use simulation::Simulation;
 pub use task::{Progress, Task};
 pub use vectors::Instructions;
+
+/// Names for a run of a scene.
+pub mod prelude {
+    #[doc(no_inline)]
+    pub use crate::{
+        Error, Progress, Simulation, Task,
+        analysis::{ContactEvent, ContactReport, EventKind, EventRow},
+        engine::Observer,
+        ensemble::Ensemble,
+        scene::Scene,
+        simulation::{EndKind, Job, RunRecord, Summary},
+    };
+}
 
 /// Returns whether the old step rule is restored, without alarms, leaps and lanes. That rule misses forcing of a guard, so that a test can
 /// show that `--verify` finds the error. Set by an environment variable, which builds without debug assertions ignore.

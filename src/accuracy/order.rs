@@ -15,6 +15,7 @@ use crate::{
 /// Roughness of the right-hand side of a train where a fixed step crosses an event, roughest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Roughness {
     /// Velocities jump: rigid impacts.
     Impact,

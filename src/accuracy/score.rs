@@ -7,6 +7,7 @@ use crate::baseline::Crossing;
 
 /// Errors of one run against the truth, over its window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Score {
     /// Largest error of an event time over the events that were found, periods; absent if none was.
     pub event_time: Option<f64>,

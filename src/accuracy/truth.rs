@@ -32,6 +32,7 @@ pub struct Window {
 
 /// Reference solution, computed by the engine.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Truth {
     /// Window in which it can be compared.
     pub window: Window,

@@ -23,6 +23,7 @@ const PATIENCE: f64 = 6.0;
 
 /// Summary of the runs of one contender.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct ContenderSummary {
     /// Name of the contender.
     pub name: String,
@@ -37,6 +38,7 @@ pub struct ContenderSummary {
 
 /// Median times of one run and of a run of Flank in turn with it, s per cycle, and the median of their ratios.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RunTime {
     /// Time of the run, s per cycle.
     pub seconds_per_cycle: f64,
@@ -50,6 +52,7 @@ pub struct RunTime {
 
 /// One run of one contender.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ContenderRun<'a> {
     /// Contender that was run.
     pub contender: &'a Contender,
@@ -89,6 +92,7 @@ impl ContenderRun<'_> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct WorkPrecision<'a> {
     pub(super) problem: &'a Problem<'a>,
     contenders: &'a [Contender],

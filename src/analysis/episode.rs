@@ -7,6 +7,7 @@ use crate::hybrid::{Clock, ContactMode, Instant};
 
 /// An instant in the form of the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Moment {
     /// Forcing cycle.
     pub cycle: i64,
@@ -24,6 +25,7 @@ impl Moment {
 
 /// Contact episode: force is carried from `start` on for `duration`, which is zero for a rigid impact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Episode {
     /// Start of the episode.
     pub start: Moment,
@@ -53,6 +55,7 @@ pub struct Episode {
 
 /// Separation: no force is carried from `start` on for `duration`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Separation {
     /// Instant at which the force ended.
     pub start: Moment,

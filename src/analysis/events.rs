@@ -18,6 +18,7 @@ const DIGITS: usize = 32;
 /// Kind of an event of one contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum EventKind {
     /// Force begins on the drive flank.
     DriveContact,
@@ -41,6 +42,7 @@ pub enum EventKind {
 
 /// Event of one contact at one instant. Measures of the contact episode that ends there are absent where none ends.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ContactEvent {
     /// Index of the contact.
     pub mesh: usize,
@@ -80,6 +82,7 @@ pub struct ContactEvent {
 
 /// Events of one instant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct EventRow {
     /// Index of the row, from 0.
     pub index: u64,

@@ -5,6 +5,7 @@ use crate::system::Structure;
 
 /// Count, extremes and mean of a list of durations, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Statistics {
     /// Number of durations.
     pub count: u64,
@@ -73,6 +74,7 @@ impl Impacts {
 
 /// Measures of one contact over the measured time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ContactReport {
     /// Name of the contact.
     pub name: String,
@@ -148,6 +150,7 @@ pub fn of_train(mut reports: Vec<ContactReport>, train: &Structure) -> Vec<Conta
 
 /// Force of a bearing on its support in one direction, N.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct BearingForce {
     /// Direction: `x`, `y`, `axial`; of a planet `radial` and `tangential` to its carrier.
     pub direction: String,
@@ -163,6 +166,7 @@ pub struct BearingForce {
 
 /// Measures of one bearing, over the measured time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct BearingReport {
     /// Name of the supported body.
     pub name: String,

@@ -12,6 +12,7 @@ use serde::Serialize;
 /// flat top: Heinzel, Rüdiger & Schilling (2002), HFT70.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Window {
     /// No weighting: narrow lines, without side lobes if the samples cover whole periods.
     #[default]
@@ -52,6 +53,7 @@ impl Window {
 
 /// One-sided amplitude spectrum: `x_i ≈ a_0 + Σ a_k cos(2π k i/n + φ_k)`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Spectrum {
     /// Distance of the bins, Hz (or orders, with samples per cycle).
     pub resolution: f64,

@@ -56,6 +56,7 @@ struct Track {
 
 /// Dynamic transmission error of one contact over a measured time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TransmissionReport {
     /// Name of the contact.
     pub name: String,
@@ -71,6 +72,7 @@ pub struct TransmissionReport {
 
 /// Harmonic `a cos(m Ω t + φ)` of a dynamic transmission error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TransmissionHarmonic {
     /// Order m: multiple of the forcing frequency.
     pub order: u32,

@@ -48,6 +48,7 @@ const CLOSED: &str = "it comes back to its start";
 
 /// Kinds of points of codimension two on a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Codimension {
     /// The curve has a cusp: both numbers turn at once.
     Cusp,
@@ -71,6 +72,7 @@ impl Codimension {
 
 /// A point of a curve.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct CurvePoint {
     /// Value of the parameter.
     pub value: f64,
@@ -90,6 +92,7 @@ pub struct CurvePoint {
 
 /// Special points of one kind along a second number.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Curve {
     /// Kind of the special points.
     pub kind: SpecialKind,

@@ -9,6 +9,7 @@ use crate::{
 
 /// A scene with one or two of its numbers free.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Family {
     scene: Scene,
     /// Parameter, with the numbers of the scene that it sets.

@@ -33,6 +33,7 @@ const NEIGHBOURS: f64 = 0.1;
 
 /// An orbit of a branch.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct BranchPoint {
     /// Value of the parameter.
     pub value: f64,
@@ -52,6 +53,7 @@ pub struct BranchPoint {
 
 /// A branch.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Branch {
     /// Level: 0 for the branch of the scene's orbit, one more for each doubling or breaking of symmetry at which it began.
     pub level: u32,
@@ -67,6 +69,7 @@ pub struct Branch {
 
 /// Branches followed so far, and the state from which a continuation resumes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct BranchProgress {
     /// The branches.
     pub branches: Vec<Branch>,

@@ -43,6 +43,7 @@ const TOWARDS: usize = 10;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum SpecialKind {
     /// Fold: the branch turns back at a multiplier of 1.
     Fold,
@@ -94,6 +95,7 @@ impl SpecialKind {
 
 /// Point at which the motion changes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Special {
     /// Kind.
     pub kind: SpecialKind,

@@ -135,7 +135,7 @@ enum SceneCommand {
 /// Words of the command line, which `--plan` repeats.
 static WORDS: OnceLock<Vec<String>> = OnceLock::new();
 
-/// Runs the command of a command line, the first word of which is the name of the program. Returns the exit code; [`EXIT_CODES`] lists
+/// Runs the command of a command line, the first word of which is the name of the program. Returns the exit code; `--help` lists
 /// them. Prints to the standard streams, and ends the process itself after a second signal.
 pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
     let words: Vec<OsString> = words.into_iter().collect();

@@ -8,6 +8,7 @@ use crate::{
 
 /// One jump at an instant, which may have several.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct JumpRecord<'a> {
     /// Instant of the jump.
     pub at: Instant,

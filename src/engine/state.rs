@@ -70,6 +70,7 @@ impl Default for Options {
 
 /// Counts of the work done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Counters {
     /// Dense steps taken, including those cut at an event.
     pub steps: u64,

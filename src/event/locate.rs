@@ -9,6 +9,7 @@ use crate::{
 
 /// First event on a step.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Located {
     /// Place of the event, in the clock θ of the step.
     pub theta: f64,
@@ -24,6 +25,7 @@ pub struct Located {
 
 /// Finder of first events, with counters only.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Locator {
     /// Number of subdivisions where the coefficients alone did not decide.
     pub splits: u64,
@@ -40,6 +42,7 @@ fn lowest(p: &[f64], x: f64, end: f64) -> Option<f64> {
 }
 
 /// A guard that comes within its error of zero without crossing.
+#[non_exhaustive]
 pub struct Touch {
     /// Place of the lowest value, in θ.
     pub theta: f64,

@@ -2,6 +2,7 @@ use crate::hybrid::{GuardSet, Instant, Jump, Mode, Transition};
 
 /// Conditioning of the time of an event.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Conditioning {
     /// Value of the guard at the event, in units of the guard.
     pub residual: f64,
@@ -15,6 +16,7 @@ pub struct Conditioning {
 
 /// The end of an infinite impact sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Accumulation {
     /// Number of impacts of the sequence that were resolved one by one.
     pub resolved: u32,

@@ -13,13 +13,17 @@ mod power;
 mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
+pub use flow::VectorField;
 pub(crate) use flow::{ARRIVED, normalise};
+// Data between the engine and the series of a train: public for the traits that name them, without a promise.
+#[doc(hidden)]
 pub use flow::{
     FULL_PRECISION, GuardValue, Jet, JetField, JetRequest, Leap, LeapCounts, Passage, Power, SAMPLES, Samples,
-    StepQuantity, VectorField, share_of,
+    StepQuantity, share_of,
 };
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
+#[doc(hidden)]
 pub use lane::{Budget, Lane, LaneHost, LanePoint, Lap, LapEnd, Rebound};
 pub use mode::Mode;
 pub use power::{EnergyJump, PowerBalance, Powers, Transition};

@@ -14,6 +14,7 @@ const MOST: usize = 100;
 /// Kind of the origin of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Source {
     /// An attribute of the file.
     File,
@@ -27,6 +28,7 @@ pub enum Source {
 
 /// Origin of a number of the scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Origin {
     /// JSON pointer of the number in the scene.
     pub pointer: String,

@@ -42,6 +42,7 @@ pub struct Options {
 
 /// A scene made of a file.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Import {
     /// The scene.
     pub scene: Value,
@@ -53,6 +54,7 @@ pub struct Import {
 
 /// Reason why no scene can be made of a file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ImportError {
     /// The bytes are no file of the format.
     #[error("the file cannot be read: {0}")]

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 /// Value of an attribute.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Value {
     /// One word: a text, a number or a truth value as it is written.
     Word(String),
@@ -15,6 +16,7 @@ pub enum Value {
 
 /// An attribute of a component.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Attribute {
     /// Unit as it is written.
     pub unit: String,
@@ -24,6 +26,7 @@ pub struct Attribute {
 
 /// A component: a part of the gearbox, or data about one.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Component {
     /// Identifier in the file.
     pub id: String,
@@ -37,6 +40,7 @@ pub struct Component {
 
 /// A relation between components.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Relation {
     /// Type.
     pub kind: String,
@@ -46,6 +50,7 @@ pub struct Relation {
 
 /// A load case: attributes that replace those of components.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct LoadCase {
     /// Identifier in the file.
     pub id: String,
@@ -55,6 +60,7 @@ pub struct LoadCase {
 
 /// Content of a file: one gearbox.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Model {
     /// Version of the format.
     pub version: String,

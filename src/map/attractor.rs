@@ -18,6 +18,7 @@ const ALIKE: f64 = 0.5;
 
 /// End of a start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Attractor {
     /// Kind of the motion.
     pub kind: MotionKind,

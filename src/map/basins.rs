@@ -56,6 +56,7 @@ pub struct Basins {
 
 /// Attractors and measures of all starts.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct BasinResult {
     /// Attractors in the order of their numbers.
     pub attractors: Vec<Attractor>,

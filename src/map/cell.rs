@@ -38,6 +38,7 @@ pub(super) const LONGEST: u32 = 16;
 
 /// Flanks that are struck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Impacts {
     /// No contact opens.
     None,
@@ -73,6 +74,7 @@ impl Impacts {
 
 /// Results for the motion of a cell.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Cell {
     /// Kind of the motion.
     pub motion: Motion,

@@ -26,6 +26,7 @@ use crate::{
 
 /// Starts and cycles of a diagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Sampling {
     /// Number of starts at the first value: that of the scene, then others spread around it.
     pub starts: usize,
@@ -107,6 +108,7 @@ pub(super) const BANDS: usize = 4;
 
 /// Points of a diagram for a picture. Memory does not grow with their number.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Points {
     /// Least and largest value that has points.
     pub ends: [f64; 2],
@@ -155,6 +157,7 @@ pub struct Diagram {
 
 /// Lines of a branch of orbits: values, and the first component at all starts of cycles.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct BranchLine {
     /// True if its orbits are stable.
     pub is_stable: bool,

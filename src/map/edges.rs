@@ -15,6 +15,7 @@ const FITTED: usize = 3;
 
 /// Number and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Measured {
     /// Number.
     pub value: f64,
@@ -24,6 +25,7 @@ pub struct Measured {
 
 /// Share of the starts that end in one way.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Fraction {
     /// Number of the attractor, or the word of another end.
     pub attractor: String,
@@ -35,6 +37,7 @@ pub struct Fraction {
 
 /// Measures of basins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Figures {
     /// Number of starts.
     pub starts: usize,

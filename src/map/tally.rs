@@ -19,6 +19,7 @@ pub type Class = (String, Option<u64>);
 
 /// One cell in the picture.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct PictureCell {
     /// Index of its class.
     pub class: usize,

@@ -19,6 +19,7 @@ use crate::{
 
 /// Contact gained, or impact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Strike {
     /// Cycle of the record, from 0.
     pub cycle: u64,
@@ -34,6 +35,7 @@ pub struct Strike {
 
 /// Some cycles of a motion.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Record {
     /// State at the end of each cycle.
     pub points: Vec<Vec<f64>>,

@@ -37,6 +37,7 @@ impl Default for Approach {
 
 /// Result of a run towards an orbit.
 #[derive(Debug, Default)]
+#[non_exhaustive]
 pub struct ApproachEnd {
     /// Stable orbit that the run approaches, if one was found.
     pub orbit: Option<Orbit>,

@@ -33,6 +33,7 @@ pub struct GuardMap<'a> {
 ///
 /// The start is held on its section: only the part of a change along the section has a meaning.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Crossing {
     /// State right after the event.
     pub end: State,

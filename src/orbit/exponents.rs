@@ -48,6 +48,7 @@ pub struct Lyapunov {
 
 /// Exponents with their standard errors. `null` is −∞.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Exponents {
     /// Exponents, 1/s, largest first, one for each displacement and velocity that does not drift. Then `null` for each rank that rest takes
     /// and for each latched speed.
@@ -89,6 +90,7 @@ pub struct Exponents {
 
 /// Exponents without saltation.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct WithoutSaltation {
     /// Description of what is left out.
     pub way: &'static str,
@@ -98,6 +100,7 @@ pub struct WithoutSaltation {
 
 /// Exponents of a number of cycles from the start, with the unit matrix as initial columns.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Finite {
     /// Number of cycles.
     pub cycles: u64,

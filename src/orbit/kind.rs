@@ -23,6 +23,7 @@ use crate::{
 /// Kind of a motion after its transient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum MotionKind {
     /// The motion is on a stable orbit.
     Periodic,

@@ -33,6 +33,7 @@ pub(super) const UNLIKE: &str = "what contacts do at the start of a cycle is not
 
 /// A periodic orbit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Orbit {
     /// Smallest period, cycles.
     pub period: u64,
@@ -86,6 +87,7 @@ impl Options<'_> {
 
 /// Failure of the search for an orbit from a start.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct NewtonFailure {
     /// Least residual, in scales; infinite if the map could not be evaluated.
     pub residual: f64,

@@ -46,6 +46,7 @@ pub struct Search {
 
 /// State of a search, from which it resumes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SearchState {
     /// Starts that have been tried.
     pub starts: usize,
@@ -58,6 +59,7 @@ pub struct SearchState {
 
 /// Result of a search.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct SearchResult {
     /// Orbits in the order in which they were found.
     pub orbits: Vec<Orbit>,

@@ -32,6 +32,7 @@ pub(super) fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error
 
 /// End of some cycles from a section, with its derivatives.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Image {
     /// Section after the cycles.
     pub end: Section,

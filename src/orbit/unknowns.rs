@@ -20,6 +20,7 @@ const LEAST: f64 = 1e-9;
 
 /// Directions in which a whole train moves without any spring or contact: they do not return, and are no unknowns.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Drift {
     /// Displacements, orthogonal, `[n]` each.
     pub directions: Vec<Vec<f64>>,

@@ -78,6 +78,7 @@ pub struct Sequence {
 
 /// Statistics of the words of cycles.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Statistics {
     /// Cycles read.
     pub cycles: u64,
@@ -154,6 +155,7 @@ const LONGEST_BLOCK: usize = 12;
 
 /// Event of one contact.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Letter {
     /// Its token.
     pub token: String,

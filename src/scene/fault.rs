@@ -40,6 +40,7 @@ impl SceneError {
 
 /// Warning about a scene that is nevertheless usable.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Warning {
     /// JSON pointer to the cause.
     pub pointer: String,

@@ -41,6 +41,7 @@ fn read_cosines(node: &Node, mean: f64) -> Vec<MeshHarmonic> {
 
 /// Two gears in mesh, as parts of a train.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ToothMesh {
     /// Name; that of the contact if there is one.
     pub name: String,

@@ -95,6 +95,7 @@ impl From<&Scene> for Scene {
 
 /// Result of a scene: a train in its common form, a start and a run.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct BuiltScene {
     /// The train.
     pub spec: Spec,

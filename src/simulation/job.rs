@@ -58,6 +58,7 @@ pub struct Job<'a> {
 
 /// Record of a run. It dereferences to its [`Summary`]: `record.contacts`, `record.energy`.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct RunRecord {
     /// Measures, with their origin.
     pub summary: Summary,

@@ -47,6 +47,7 @@ const ILL_CONDITIONED: f64 = 1e6;
 
 /// Train with its start and the settings of its run.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Simulation {
     /// Name in messages and in the summary.
     pub name: String,

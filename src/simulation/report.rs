@@ -24,6 +24,7 @@ const SAME: f64 = 1e-9;
 
 /// Contents of a scene, in the form of `flank check --json`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Report {
     /// Name of the scene.
     pub name: String,
@@ -55,6 +56,7 @@ pub struct Report {
 
 /// Mean speed of a shaft or a loose gear.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Speed {
     /// Its name.
     pub name: String,
@@ -66,6 +68,7 @@ pub struct Speed {
 
 /// Mesh with its frequency and its geometry.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct MeshOfTeeth {
     /// Its name.
     pub name: String,
@@ -87,6 +90,7 @@ pub struct MeshOfTeeth {
 
 /// Contact and its start.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ContactAtStart {
     /// Its name.
     pub name: String,
@@ -106,6 +110,7 @@ pub struct ContactAtStart {
 
 /// A natural mode.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Mode {
     /// Natural frequency, Hz; in dimensionless form rad per unit of time.
     pub frequency_hz: f64,
@@ -126,6 +131,7 @@ pub struct Share {
 
 /// A frequency that excites a train.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Order {
     /// Mesh, shaft or load that excites, with its order.
     pub of: String,

@@ -128,6 +128,7 @@ impl<'s> SampleFile<'s> {
 
 /// Samples of a motion, row by row: `[rows][names]`.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct SampleTable {
     /// Names of the columns, as in `trajectory.csv`: `t`, `cycle`, `phase`, the freedoms, their rates (`…_rate`), and of each contact
     /// `… deflection` and `… force`.

@@ -11,6 +11,7 @@ use crate::{
 
 /// All measures of a run, with their origin. It contains no wall time: the same input gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Summary {
     /// Version of Flank.
     pub flank: &'static str,
@@ -56,6 +57,7 @@ impl Summary {
 
 /// Origin of a train.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Provenance {
     /// Name of the simulation.
     pub name: String,
@@ -65,6 +67,7 @@ pub struct Provenance {
 
 /// Train in a summary.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TrainUsed {
     /// Kind in a scene; `spec` for a train built in Rust.
     pub kind: String,
@@ -78,6 +81,7 @@ pub struct TrainUsed {
 
 /// Integrator of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct IntegratorUsed {
     /// Requested method.
     pub asked: &'static str,
@@ -96,6 +100,7 @@ pub struct IntegratorUsed {
 /// Kind of end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum EndKind {
     /// The run reached its planned end.
     ReachedEnd,
@@ -111,6 +116,7 @@ pub enum EndKind {
 
 /// End of a run, with the state there.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RunEnd {
     /// Kind of the end.
     pub kind: EndKind,

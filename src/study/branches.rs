@@ -51,6 +51,7 @@ const KINDS: [SpecialKind; 9] = [
 
 /// Branches that are measured as they are finished.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Branches {
     family: Family,
     /// Names of the components of the state.

@@ -18,6 +18,7 @@ pub use crate::plot::Verdict;
 
 /// Row of the table "published, Flank, verdict".
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Comparison {
     /// Figure of the source.
     pub place: String,

@@ -22,6 +22,7 @@ use crate::{
 
 /// Result of one plot.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Entry {
     /// Figure of the plot, if it has one.
     pub figure: Option<Figure>,

@@ -34,6 +34,7 @@ const ACCURACY: f64 = 4e-15;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Loss {
     /// A mesh leaves its drive flank.
     Deflection,
@@ -46,6 +47,7 @@ pub enum Loss {
 /// Rattle threshold.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
+#[non_exhaustive]
 pub enum Rattle {
     /// The event occurs at no value tried.
     Never,
@@ -108,6 +110,7 @@ const MOST: f64 = 512.0;
 
 /// Threshold of loss of contact, with the search that found it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct LoadThreshold {
     /// The event.
     pub by: Loss,

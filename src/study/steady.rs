@@ -74,6 +74,7 @@ impl Seed {
 
 /// Steady motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Steady {
     /// Forcing period, s.
     pub period_s: f64,
@@ -98,6 +99,7 @@ pub struct Steady {
 
 /// Steady motion of one contact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ContactSteady {
     /// Measures over the measured cycles.
     #[serde(flatten)]

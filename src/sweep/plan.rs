@@ -8,6 +8,7 @@ use super::Grid;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Seeding {
     /// Each point as the scene says
     Fresh,
@@ -22,6 +23,7 @@ pub enum Seeding {
 /// Direction in which a row was reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum SweepDirection {
     /// No direction: the row starts fresh.
     Fresh,
@@ -33,6 +35,7 @@ pub enum SweepDirection {
 
 /// Work of one row.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RowWork {
     /// Index of the row in grid order, from 0.
     pub row: usize,

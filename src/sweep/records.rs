@@ -48,6 +48,7 @@ impl CommandFiles {
 
 /// Rows of a command, with their chains. The rows of a chain are in one part.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Rows<'p> {
     /// Number of rows.
     pub count: usize,

@@ -33,6 +33,7 @@ pub use automaton::{Start, StartError};
 pub use check::AssembleError;
 pub(crate) use columns::{Block, FourColumns, VectorColumns};
 pub(crate) use contact_mode::{ContactMode, Watch};
+#[doc(hidden)]
 pub use contact_mode::{contact_mode, guard_id, guard_of, piece, set_contact};
 pub use spec::{BackFlank, Bearing, BearingSpring, ContactSpec, Flanks, LoadHarmonic, LoadSchedule, Spec};
 pub use statics::{
@@ -40,6 +41,7 @@ pub use statics::{
     tangent_stiffness,
 };
 pub(crate) use sticking::Sticking;
+#[doc(hidden)]
 pub use tangent::{Columns, Saltation};
 pub(crate) use tangent::{Eight, Gradient, LANES, Lanes};
 pub(crate) use variation::Evaluation;

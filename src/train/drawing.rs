@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, RowDVector};
 
 /// Gears and meshes of a train in the plane.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Drawing {
     /// Gears and the carrier of a stage.
     pub gears: Vec<GearDrawing>,
@@ -13,6 +14,7 @@ pub struct Drawing {
 
 /// A gear of a drawing. Planets stand still: its frame turns with their carrier.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct GearDrawing {
     /// Name of the gear.
     pub name: String,

@@ -8,6 +8,7 @@ use crate::{gear::GeometryError, system::EquilibriumError};
 
 /// Error in the assembly of a train.
 #[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
 pub enum TrainError {
     /// A value outside its range.
     #[error("{name} is {value}; it must be {wanted}")]

@@ -26,6 +26,7 @@ pub const TOLERANCE: f64 = 1e-9;
 /// First event at which a check disagrees with the run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("at t = {t} s the run has {expected}, the check by {check} {found}{}", self.apart())]
+#[non_exhaustive]
 pub struct Difference {
     /// Time of the event of the run, or of the missing one, s.
     pub t: f64,
@@ -62,6 +63,7 @@ pub struct Tally {
 
 /// Result of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Verification {
     /// The check by series with other steps and another order.
     pub series: Tally,

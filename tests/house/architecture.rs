@@ -19,10 +19,26 @@ enum Part {
 
 use Part::{All, Only};
 
-/// Module, and what it may import. Nothing imports `cli`, and a module without a row imports nothing.
+/// Module, and what it may import. Nothing imports `cli` or `error`, and a module without a row imports nothing. `python` is a crate of its
+/// own, which imports only what is public.
 const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
     ("linalg", &[("hybrid", Only(&["Wide"]))]),
     ("hybrid", &[]),
+    (
+        "error",
+        &[
+            ("accuracy", Only(&["AccuracyError"])),
+            ("engine", Only(&["EngineError"])),
+            ("import", Only(&["ImportError"])),
+            ("map", Only(&["BasinsError", "PlaneError"])),
+            ("output", Only(&["Fault", "OutputError"])),
+            ("scene", Only(&["SceneError"])),
+            ("simulation", Only(&["SimulationError"])),
+            ("study", Only(&["StudyError"])),
+            ("sweep", Only(&["GridError", "SweepError"])),
+            ("system", Only(&["AssembleError", "StartError"])),
+        ],
+    ),
     ("gear", &[]),
     ("output", &[]),
     ("sweep", &[("task", All), ("output", All)]),
@@ -197,13 +213,14 @@ const BUDGET: usize = 400;
 
 /// Lines that a room may have, comments included: its size of today, so that growth is a decision.
 const ROOMS: &[(&str, usize)] = &[
-    ("accuracy", 2610),
+    ("accuracy", 2620),
     ("analysis", 2480),
     ("baseline", 1500),
     ("branch", 3080),
-    ("cli", 4330),
+    ("cli", 4240),
     ("engine", 2100),
     ("ensemble", 150),
+    ("error", 140),
     ("event", 350),
     ("gear", 1530),
     ("hybrid", 1570),
@@ -211,19 +228,20 @@ const ROOMS: &[(&str, usize)] = &[
     ("integrate", 1800),
     ("kernel", 8070),
     ("linalg", 200),
-    ("map", 3450),
+    ("map", 3460),
     ("orbit", 4340),
     ("output", 590),
     ("plot", 2440),
     ("poly", 1400),
-    ("scene", 4800),
-    ("simulation", 2150),
-    ("study", 9570),
+    ("python", 1200),
+    ("scene", 4860),
+    ("simulation", 2330),
+    ("study", 9670),
     ("sweep", 1740),
     ("system", 5070),
     ("tangent", 1150),
     ("task", 80),
-    ("train", 3500),
+    ("train", 3510),
     ("vectors", 320),
     ("verify", 800),
 ];
@@ -245,6 +263,8 @@ const TOP: &[&str] = &[
     "benches",
     "docs",
     "examples",
+    "pyproject.toml",
+    "python",
     "src",
     "tests",
 ];
@@ -339,7 +359,7 @@ fn modules_import_only_what_the_table_allows() {
         let file = name(&path);
         // A module is a folder or a file.
         let module = file["src/".len()..].split(['/', '.']).next().unwrap_or_default();
-        if ["cli", "lib", "main"].contains(&module) {
+        if ["cli", "lib", "main", "python"].contains(&module) {
             continue;
         }
         let Some(row) = allowed.get(module) else {

@@ -30,6 +30,7 @@ pub struct MapPlan {
 
 /// A step in common use.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Reference {
     /// Its name, such as `1e-6 s`.
     pub name: String,
@@ -53,6 +54,7 @@ pub struct Reference {
 /// All energies are those of the sections, the starts of cycles: kinetic energy, supports and contact springs, sharp flanks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Outcome {
     /// Right sequence, right motion in the long run.
     Right,
@@ -97,6 +99,7 @@ impl Outcome {
 
 /// One run of one method.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Cell {
     /// Steps a cycle.
     pub steps_per_cycle: u64,
@@ -116,6 +119,7 @@ pub struct Cell {
 
 /// All runs with one factor.
 #[derive(Clone, Debug, Default, Serialize)]
+#[non_exhaustive]
 pub struct FactorRow {
     /// The factor.
     pub factor: f64,
@@ -151,6 +155,7 @@ impl FactorRow {
 
 /// The map of every method over one quantity.
 #[derive(Clone, Debug, Serialize)]
+#[non_exhaustive]
 pub struct Map {
     /// Quantity that is multiplied.
     pub over: Quantity,

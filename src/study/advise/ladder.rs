@@ -49,6 +49,7 @@ pub(super) struct PlannedRung {
 
 /// Model or figure that could not be made or measured.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Omission {
     /// Name of the missing model or figure.
     pub words: String,

@@ -17,6 +17,7 @@ use crate::{
 
 /// A mean and its standard error; that of a periodic motion is 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Estimate {
     /// Mean.
     pub value: f64,
@@ -59,6 +60,7 @@ pub struct Mesh {
 
 /// Work per forcing cycle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CycleWork {
     /// Dense steps.
     pub steps: f64,

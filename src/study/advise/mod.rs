@@ -51,6 +51,7 @@ pub struct AdvisePlan {
 
 /// Model that was measured.
 #[derive(Debug, Serialize)]
+#[non_exhaustive]
 pub struct Rung {
     /// Ladder of the model, `Freedoms` for all sufficient steps together; none for the scene itself.
     pub ladder: Option<Ladder>,
@@ -120,6 +121,7 @@ impl Rung {
 
 /// Group of freedoms, its share in the motion, and the change from holding it.
 #[derive(Debug, Serialize)]
+#[non_exhaustive]
 pub struct Participation {
     /// Freedoms of the group.
     #[serde(flatten)]
@@ -132,6 +134,7 @@ pub struct Participation {
 
 /// Result of an advice.
 #[derive(Debug, Serialize)]
+#[non_exhaustive]
 pub struct Advice {
     /// Name of the scene.
     pub scene: String,

@@ -51,6 +51,7 @@ impl Step {
 
 /// A model of a scene: a simulation, and its degrees of freedom as functions of those of the scene.
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Model {
     /// Simulation of the simplified train.
     pub simulation: Simulation,

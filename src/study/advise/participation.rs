@@ -12,6 +12,7 @@ use crate::{
 
 /// Group of freedoms: x and y of a body, or the same freedom of all planets.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct FreedomGroup {
     /// Name in words.
     pub words: String,
@@ -74,6 +75,7 @@ fn sum(spec: &Spec, group: &FreedomGroup, of: &DVector<f64>) -> f64 {
 
 /// Natural mode φ of the train with every contact closed, `φᵀ M φ = 1`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Mode {
     /// Angular frequency ω, rad/s (per unit of time, of a dimensionless train).
     pub omega: f64,

@@ -16,6 +16,7 @@ use crate::{
 
 /// Spring and damper that replace a power law.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct LinearLaw {
     /// Contact to which they belong.
     pub contact: String,

@@ -7,6 +7,7 @@ use crate::output::label;
 
 /// Change of one family of contacts from the scene to a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct FamilyChange {
     /// The family.
     pub family: String,

@@ -56,6 +56,7 @@ pub(super) struct ClaimKey {
 /// Set of numbers, with the verdicts on the claims.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Trial {
     /// Values of the numbers, in the order of the question.
     pub values: Vec<f64>,

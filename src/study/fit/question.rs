@@ -12,6 +12,7 @@ const MOST_OCTAVES: f64 = 8.0;
 /// Number that is sought.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Number {
     /// Its name.
     pub name: String,
@@ -36,6 +37,7 @@ pub struct Number {
 /// Plot of a trial: at few values, from cold starts alone.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct TrialPlot {
     /// Its kind.
     #[serde(rename = "plot")]
@@ -48,6 +50,7 @@ pub struct TrialPlot {
 /// Numbers that a study seeks.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Question {
     /// The numbers.
     pub numbers: Vec<Number>,

@@ -16,6 +16,7 @@ const EQUAL: f64 = 0.5;
 
 /// Result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct FitResult {
     /// Number of sets that were tried.
     pub trials: usize,
@@ -37,6 +38,7 @@ pub struct FitResult {
 
 /// Number that was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct FoundNumber {
     /// Its name.
     pub name: String,
@@ -58,6 +60,7 @@ pub struct FoundNumber {
 
 /// Claim, with the number of trials in which it was met.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ClaimCount {
     /// Its place in the source.
     pub place: String,
@@ -73,6 +76,7 @@ pub struct ClaimCount {
 
 /// Two claims that were never met together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ExclusivePair {
     /// The claims.
     pub claims: [String; 2],

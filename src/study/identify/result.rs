@@ -11,6 +11,7 @@ use crate::scene::{Scene, SceneError};
 
 /// Result of an identification.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Identification {
     /// Numbers, in the order of the question.
     pub parameters: Vec<FittedNumber>,
@@ -37,6 +38,7 @@ pub struct Identification {
 
 /// Number that was found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct FittedNumber {
     /// Its places in the scene.
     pub pointers: Vec<String>,
@@ -66,6 +68,7 @@ pub enum Side {
 
 /// Target with its value at the solution.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct TargetValue {
     /// Quantity, as in the question.
     pub quantity: String,
@@ -87,6 +90,7 @@ pub struct TargetValue {
 
 /// One of several solutions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Solution {
     /// Numbers, in the order of the question.
     pub values: Vec<f64>,

@@ -20,6 +20,7 @@ const TAKES_PART: f64 = 1e-4;
 /// Determination of the numbers near the solution, by the singular values of `∂r/∂x` `[targets × numbers]`. Here r is in standard
 /// deviations and x are the logarithms of the numbers (shares of their range if a bound is not positive).
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Uniqueness {
     /// Count of the numbers to find.
     pub unknowns: usize,
@@ -48,6 +49,7 @@ pub struct NumberDirection {
 
 /// Part of a number in a direction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct NumberShare {
     /// Pointers of the number.
     pub number: String,

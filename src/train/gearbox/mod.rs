@@ -218,6 +218,7 @@ pub enum Part {
 
 /// A fault of a gearbox.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct GearboxFault {
     /// Part at fault.
     pub part: Part,

@@ -43,6 +43,7 @@ impl fmt::Display for Family {
 
 /// The natural modes of one family.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct FamilyModes {
     /// The family.
     pub family: Family,
@@ -66,6 +67,7 @@ impl FamilyModes {
 
 /// Reason for which the modes of a train do not fall into families.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum FamilyError {
     /// The degrees of freedom are not those of a stage with alike planets.
     #[error("the freedoms are not those of a planetary stage that treats its planets alike")]

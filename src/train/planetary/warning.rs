@@ -7,6 +7,7 @@ use crate::gear::phase::{assemblable, nearest_assemblable};
 
 /// Implausible data of a stage. Angles in rad, lengths in m.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Warning {
     /// Planets at these positions cannot be assembled between sun and ring: they must sit at multiples of `2π/(Z_s + Z_r)` from one
     /// another.
