@@ -402,7 +402,8 @@ class Branch:
         self.ends = tuple(ends)
         further = json.loads(text)
         self.specials = [Record({**special, "multiplier": complex(*special["multiplier"])}) for special in further["specials"]]
-        """Points at which the motion changes: kind, value, period, word, residual, uncertainty, multiplier, turns."""
+        """Points at which the motion changes: kind, value, period, word, residual, uncertainty, multiplier, turns, and the
+        number of its point on the branch (of its neighbour if the branch is born on another one)."""
         self.unlocated: list[str] = further["unlocated"]
         """Points that were passed and not located."""
 

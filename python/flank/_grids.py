@@ -263,7 +263,7 @@ def _dataset(
         table, interrupted = work([text for _, text in points.values()], grid)
     if interrupted is not None:
         kept = "" if out is None else f"; finished rows are kept in {folder}, and the same call goes on"
-        raise (Interrupted(f"interrupted{kept}") if isinstance(interrupted, KeyboardInterrupt) else interrupted)
+        raise Interrupted(f"interrupted{kept}") if isinstance(interrupted, Interrupted) else interrupted
     columns = {column: _values(values, words) for column, values, words in table}
     pointers = [pointer for pointer, _ in points.values()]
     keys = _names(list(points))

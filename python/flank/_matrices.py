@@ -47,10 +47,10 @@ class Matrices(Scene):
     >>> import flank
     >>> scene = flank.Matrices(
     ...     [1.0], contacts=[{
-    ...         "name": "wall", "direction": [1.0], "half_backlash_m": 0.0,
+    ...         "name": "wall", "direction": [1.0], "half_backlash_m": 0.1,
     ...         "law": {"kind": "rigid", "restitution": 0.5},
     ...     }],
-    ...     load=[1.0], initial={"q": [-0.5], "v": [0.0]}, run={"t_end_s": 0.5},
+    ...     load=[1.0], run={"t_end_s": 0.5},
     ... )
     >>> scene.freedoms
     ['q1']

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _flank
-from ._errors import Interrupted, SceneWarning
+from ._errors import Error, Interrupted, SceneWarning
 from ._events import Events
 from ._records import Named, Record, optional
 
@@ -46,12 +46,13 @@ class Run:
         settings["observer"] = None if observer is None else lambda text: observer(Record(json.loads(text)))
         with bar(progress, "share", scene.name) as report:
             settings["progress"] = report
-            core, failure, is_interrupted = scene._core.run(settings)
+            core, failure = scene._core.run(settings)
         run = cls(scene, core)
         if failure is not None:
-            if is_interrupted and isinstance(failure, KeyboardInterrupt):
+            if isinstance(failure, Interrupted):
                 failure = Interrupted(f"interrupted at t = {run.outcome.seconds}; the attribute run has the record up to there")
-            failure.run = run  # type: ignore[attr-defined]
+            if isinstance(failure, Error):
+                failure.run = run
             raise failure
         scene._warn()
         budget = scene.resolved["run"]["event_budget"]

@@ -92,6 +92,18 @@ def test_basins_have_their_attractors(pair):
     assert [attractor["fraction"] for attractor in data.attrs["attractors"]] == shares.tolist()
 
 
+@pytest.mark.parametrize("work", ["sections", "exponents", "orbits"])
+def test_an_interrupt_ends_all_work(pair, work):
+    threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(flank.Interrupted):
+        if work == "sections":
+            flank.Ensemble(pair, np.random.default_rng(1).uniform(-1, 1, (2000, 2))).run(200_000, every=1000)
+        elif work == "exponents":
+            flank.exponents(pair, cycles=100_000_000)
+        else:
+            flank.orbits(pair, starts=1_000_000)
+
+
 def test_members_have_the_bits_of_runs_of_their_own(pair):
     rng = np.random.default_rng(1)
     starts = rng.uniform(-2, 2, (300, 2))

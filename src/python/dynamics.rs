@@ -52,6 +52,10 @@ impl Section {
     fn contacts(&self) -> Vec<&'static str> {
         self.0.contacts.iter().map(|contact| contact.name()).collect()
     }
+
+    fn __repr__(&self) -> String {
+        format!("Section(x={:?}, contacts={:?})", self.0.x, self.contacts())
+    }
 }
 
 /// Map of states over whole cycles.
@@ -297,6 +301,7 @@ pub fn branches<'py>(
             json!({
                 "kind": special.kind.word(), "value": special.value, "period": special.period, "word": special.word,
                 "residual": special.residual, "uncertainty": special.uncertainty, "turns": special.turns,
+                "branch": special.branch, "point": special.point,
                 "multiplier": [special.multiplier.re, special.multiplier.im],
             })
         });

@@ -1,6 +1,6 @@
 //! Errors of the library as exceptions of the package.
 
-use pyo3::{import_exception, prelude::*};
+use pyo3::{exceptions::PyKeyboardInterrupt, import_exception, prelude::*};
 
 use flank::{Error, output::Fault, simulation::SimulationError};
 
@@ -10,6 +10,7 @@ mod exceptions {
     import_exception!(flank._errors, Error);
     import_exception!(flank._errors, SceneError);
     import_exception!(flank._errors, Alarm);
+    import_exception!(flank._errors, Interrupted);
 }
 
 /// Returns the exception of an error.
@@ -32,4 +33,13 @@ pub fn raised(error: impl Into<Error>) -> PyErr {
 /// Returns the exception for arguments that cannot be used.
 pub fn refused(place: &str, found: impl Into<String>, allowed: &str) -> PyErr {
     raised(Error::Arguments(vec![Fault::new(place, found, allowed)]))
+}
+
+/// Returns the exception of cancelled work: for Ctrl-C one of the package, else `cause` itself.
+pub fn cancelled(py: Python<'_>, cause: PyErr) -> PyErr {
+    if cause.is_instance_of::<PyKeyboardInterrupt>(py) {
+        exceptions::Interrupted::new_err("interrupted")
+    } else {
+        cause
+    }
 }

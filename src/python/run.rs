@@ -13,7 +13,6 @@ use crate::{
 use flank::{
     Error, Simulation,
     analysis::{EventRow, Grid},
-    simulation::EndKind,
 };
 
 /// Settings of one run, keyword arguments of the package.
@@ -30,8 +29,8 @@ pub struct RunSettings {
     progress: Option<Py<PyAny>>,
 }
 
-/// Record of a run, the exception of a failed or interrupted one, and true if it was interrupted.
-pub type Outcome = (Run, Option<PyErr>, bool);
+/// Record of a run, and the exception of a failed or interrupted one.
+pub type Outcome = (Run, Option<PyErr>);
 
 /// Record of a run.
 #[pyclass(frozen, module = "flank._flank")]
@@ -82,9 +81,8 @@ pub fn run(py: Python<'_>, simulation: &Arc<Simulation>, settings: RunSettings) 
     let events = Events::new(collected, simulation.dimensionless);
     let events = Py::new(py, events.map_err(|error| raised(Error::file("events", std::io::Error::other(error))))?)?;
     let summary = serde_json::to_string(&record.summary).unwrap_or_default();
-    let is_interrupted = record.summary.outcome.kind == EndKind::Interrupted;
-    let failure = done.cancelled.filter(|_| is_interrupted).or_else(|| record.failure.map(raised));
-    Ok((Run { simulation: simulation.clone(), summary, events, end: record.end.at }, failure, is_interrupted))
+    let failure = done.cancelled.or_else(|| record.failure.map(raised));
+    Ok((Run { simulation: simulation.clone(), summary, events, end: record.end.at }, failure))
 }
 
 #[pymethods]

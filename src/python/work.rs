@@ -12,7 +12,7 @@ use std::{
 
 use pyo3::prelude::*;
 
-use crate::error::raised;
+use crate::error::{cancelled, raised};
 use flank::{Progress, Task};
 
 /// Time between two looks for signals.
@@ -40,9 +40,9 @@ pub fn detached<T: Send>(
     };
     let look = |progress: Option<&Py<PyAny>>| {
         Python::attach(|py| {
-            py.check_signals()?;
             let done = (units.load(Ordering::Relaxed), f64::from_bits(share.load(Ordering::Relaxed)));
-            progress.map_or(Ok(()), |progress| progress.call1(py, done).map(drop))
+            let shown = || progress.map_or(Ok(()), |progress| progress.call1(py, done).map(drop));
+            py.check_signals().and_then(|()| shown()).map_err(|cause| cancelled(py, cause))
         })
     };
     py.detach(|| {
@@ -53,18 +53,18 @@ pub fn detached<T: Send>(
                 let _ends = ends;
                 work(Task::new(is_cancelled, report))
             });
-            let mut cancelled = None;
+            let mut stopped = None;
             while end.recv_timeout(PAUSE) == Err(RecvTimeoutError::Timeout) {
-                if cancelled.is_none()
+                if stopped.is_none()
                     && let Err(error) = look(progress.as_ref())
                 {
                     is_cancelled.store(true, Ordering::Relaxed);
-                    cancelled = Some(error);
+                    stopped = Some(error);
                 }
             }
             let result = worker.join().unwrap_or_else(|panic| resume_unwind(panic));
-            let last = if cancelled.is_none() { progress.map(|progress| look(Some(&progress))) } else { None };
-            Done { result, cancelled: cancelled.or(last.and_then(Result::err)) }
+            let last = if stopped.is_none() { progress.map(|progress| look(Some(&progress))) } else { None };
+            Done { result, cancelled: stopped.or(last.and_then(Result::err)) }
         })
     })
 }
