@@ -11,12 +11,13 @@ use crate::{
     output::{Fault, OutputError},
     scene::SceneError,
     simulation::SimulationError,
-    study::StudyError,
+    study::{StudyError, identify::IdentifyError},
     sweep::{GridError, SweepError},
     system::{AssembleError, StartError},
+    train::TrainError,
 };
 
-/// Error of any work of the library: each of its errors converts into it.
+/// Error of any work of the library. The errors of its parts convert into it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -47,6 +48,12 @@ pub enum Error {
     /// The comparison cannot be made.
     #[error(transparent)]
     Accuracy(#[from] AccuracyError),
+    /// A train cannot be made.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// Numbers of a scene cannot be identified.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
     /// A gearbox file gives no scene.
     #[cfg(feature = "import")]
     #[error("{0}: {1}")]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -11,20 +10,25 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _flank
-from ._errors import Error, SceneWarning
+from ._arguments import ends as ends_of
+from ._arguments import numbers, refuse, threads_or_none, warn, whole, whole_or_none
+from ._errors import Error, Fault
 from ._flank import Section
 from ._records import Record
 from ._run import bar
-from ._scene import Scene
+from ._scene import Scene, checked
 
 Array = npt.NDArray[np.float64]
+
+MEMORY = 10**10
+"""Largest size of the states of an ensemble, bytes: a process that asks for more than there is ends without a word."""
 
 
 class SectionMap:
     """Map of states over whole cycles of the forcing, from phase 0 to phase 0, with its derivatives.
 
-    A state is a :class:`Section`, or an array of coordinates and velocities, ``[2n]``; contacts are then open or closed by their
-    deflections.
+    A state is a :class:`Section`, or an array: coordinates and velocities, ``[2n]``, or a whole state with latched speeds, ``[dim]``.
+    Contacts of an array are open or closed by their deflections.
 
     Parameters
     ----------
@@ -50,7 +54,7 @@ class SectionMap:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._core = _flank.SectionMap(scene._core)
+        self._core = _flank.SectionMap(checked(scene)._core)
 
     @property
     def cycle(self) -> float:
@@ -71,13 +75,15 @@ class SectionMap:
         """Return the section at which the scene starts."""
         return self._core.start()
 
-    def section(self, x: npt.ArrayLike | Section) -> Section:
-        """Return the section at coordinates, m, and velocities, m/s, ``[2n]``."""
-        return x if isinstance(x, Section) else self._core.section(np.ascontiguousarray(x, dtype=np.float64))
+    def section(self, x: npt.ArrayLike | Section, contacts: Sequence[str] | None = None) -> Section:
+        """Return the section at a state, with contacts in given states, such as ``["drive", "separated"]``."""
+        if isinstance(x, Section):
+            return x
+        return self._core.section(numbers("x", x, 1), None if contacts is None else list(contacts))
 
     def __call__(self, x: npt.ArrayLike | Section, cycles: int = 1) -> Section:
         """Return the section after some cycles."""
-        return self._core.follow(self.section(x), cycles)
+        return self._core.follow(self.section(x), whole("cycles", cycles, 1, 10**6))
 
     def jacobian(self, x: npt.ArrayLike | Section, cycles: int = 1) -> Array:
         """Return the derivative of the state after some cycles by the state, ``[dim][dim]``."""
@@ -90,7 +96,7 @@ class SectionMap:
     def image(self, x: npt.ArrayLike | Section, *keys: str, cycles: int = 1) -> Image:
         """Return the image of a state after some cycles, with its derivatives by the state and by numbers of the scene."""
         pointers = [self.scene.pointer(key) for key in keys]
-        return Image(*self._core.image(self.section(x), cycles, pointers))
+        return Image(*self._core.image(self.section(x), whole("cycles", cycles, 1, 10**6), pointers))
 
 
 class Image:
@@ -117,7 +123,7 @@ class Image:
 
 
 class Ensemble:
-    """Many motions of one train, each with the bits of a separate run.
+    """Many motions of one train, each with the bits of the same motion alone, run from section to section.
 
     Parameters
     ----------
@@ -130,8 +136,8 @@ class Ensemble:
     __slots__ = ("scene", "x0")
 
     def __init__(self, scene: Scene, x0: npt.ArrayLike) -> None:
-        self.scene = scene
-        self.x0 = np.atleast_2d(np.ascontiguousarray(x0, dtype=np.float64))
+        self.scene = checked(scene)
+        self.x0 = numbers("x0", x0, 2)
 
     def run(
         self,
@@ -148,7 +154,7 @@ class Ensemble:
         cycles : int
             Number of cycles of the forcing clock.
         every : int
-            Cycles between two sections.
+            Cycles between two sections. A motion is cut at its sections: under another ``every`` the last bits differ.
         threads : int, optional
             As many as there are cores by default; results do not depend on it.
         progress : bool or callable
@@ -159,13 +165,24 @@ class Ensemble:
         numpy.ndarray
             ``[members][cycles // every + 1][dim]``, the start first; ``scene.components`` names the components. The states of a member
             after a failure are NaN, and a :class:`SceneWarning` says why.
+
+        Raises
+        ------
+        SceneError
+            For a start that the train does not have, with its member.
         """
+        length = whole("cycles", cycles, 0, 2**52), whole("every", every, 1, 2**52)
+        memory = 8 * len(self.x0) * (length[0] // length[1] + 1) * len(self.scene.components)
+        if memory > MEMORY:
+            found = f"{cycles}: states of {memory:.1e} bytes"
+            raise refuse(Fault("cycles", found, f"states of at most {MEMORY:.0e} bytes", "take fewer cycles, or a larger every"))
         with bar(progress, "units", "members", len(self.x0)) as report:
-            states, failures = _flank.sections(self.scene._core, self.x0, (cycles, every), threads, report)
+            states, failures = _flank.sections(self.scene._core, self.x0, length, threads_or_none(threads), report)
+        self.scene._warn()
         if failures:
             member, reason = failures[0]
             text = f"{len(failures)} of {len(self.x0)} members failed, first member {member}: {reason}"
-            warnings.warn(text, SceneWarning, stacklevel=2)
+            warn(text)
         return states
 
     def __len__(self) -> int:
@@ -181,7 +198,10 @@ class Orbit:
     __slots__ = ("record", "scene")
 
     def __init__(self, scene: Scene, record: Record) -> None:
-        self.scene = scene.with_({"/initial": record["initial"].to_dict()})
+        changed: dict[str, Any] = {"/initial": record["initial"].to_dict()}
+        if _flank.SectionMap(scene._core).starts_within_a_period:
+            changed["/run/start_cycle"] = 0
+        self.scene = scene.with_(changed)
         """The scene, started on the orbit."""
         self.record = record
         """Its entry in ``orbit.json``."""
@@ -205,6 +225,11 @@ class Orbit:
     def contacts(self) -> list[str]:
         """State of each contact at phase 0."""
         return list(self.record["contacts"])
+
+    @property
+    def section(self) -> Section:
+        """Section at phase 0: the state and the states of the contacts."""
+        return SectionMap(self.scene).section(self.x, self.contacts)
 
     @property
     def multipliers(self) -> npt.NDArray[np.complex128]:
@@ -283,8 +308,19 @@ def orbits(
 
 
 def _search(scene: Scene, period: int | None, starts: int, threads: int | None, progress: Any) -> Record:
+    checked(scene)
+    period, starts = whole_or_none("period", period, 1, 10**4), whole("starts", starts, 0, 10**9)
     with bar(progress, "share", "orbits") as report:
-        return Record(json.loads(_flank.orbits(scene._core, period, starts, threads, report)))
+        found = Record(json.loads(_flank.orbits(scene._core, period, starts, threads_or_none(threads), report)))
+    scene._warn()
+    if found["orbits"] and found["reason"]:
+        warn(f"{scene.name}: {found['reason']}")
+    for record in found["orbits"]:
+        if record["event_at_phase_0"]:
+            warn(f"orbit {record['word']!r}: an event lies on phase 0: it may be missing from word and multipliers, or be there twice")
+        if record["piecewise"]:
+            warn(f"orbit {record['word']!r}: dependent impacts fall on one instant: multipliers do not tell its stability")
+    return found
 
 
 class Exponents:
@@ -324,6 +360,11 @@ class Exponents:
     def cycles(self) -> int:
         """Cycles averaged."""
         return int(self.record["cycles"])
+
+    @property
+    def is_whole(self) -> bool:
+        """True if all requested cycles are averaged."""
+        return bool(self.record["is_whole"])
 
     @property
     def reason(self) -> str | None:
@@ -370,8 +411,16 @@ def exponents(
     progress : bool or callable
         Show a bar, or call this with the share that is done.
     """
+    checked(scene)
+    cycles, finite = whole_or_none("cycles", cycles, 1, 10**9), whole_or_none("finite", finite, 1, 10**9)
     with bar(progress, "share", "exponents") as report:
-        return Exponents(json.loads(_flank.exponents(scene._core, cycles, without_saltation, finite, report)))
+        found = Exponents(json.loads(_flank.exponents(scene._core, cycles, without_saltation, finite, report)))
+    scene._warn()
+    if found.reason:
+        warn(f"{scene.name}: {found.reason}")
+    if found.record.piecewise:
+        warn(f"{scene.name}: dependent impacts fell on one instant: exponents are those of neighbours that keep them together")
+    return found
 
 
 class Branch:
@@ -455,14 +504,20 @@ def continuation(
     if len(axes) != 1:
         raise TypeError(f"a continuation follows one number, not {len(axes)}")
     ((keys, ends),) = axes.items()
+    checked(scene)
     pointers = [scene.pointer(each) for each in ([keys] if isinstance(keys, str) else keys)]
-    first, last = ends
+    first = whole_or_none("period", period, 1, 10**4), whole("doublings", doublings, 0, 100)
     with bar(progress, "share", "branches") as report:
-        found, left_out = _flank.branches(scene._core, pointers, (float(first), float(last)), (period, doublings), threads, report)
+        found, left_out = _flank.branches(scene._core, pointers, ends_of(str(keys), ends), first, threads_or_none(threads), report)
+    scene._warn()
     if left_out:
         text = f"{left_out} further branches are not followed: take a shorter range or fewer doublings"
-        warnings.warn(text, SceneWarning, stacklevel=2)
-    return [Branch(parts) for parts in found]
+        warn(text)
+    branches = [Branch(parts) for parts in found]
+    for number, branch in enumerate(branches):
+        for passed in branch.unlocated:
+            warn(f"branch {number}: not located: {passed}")
+    return branches
 
 
 def threshold(
@@ -471,7 +526,6 @@ def threshold(
     /,
     *,
     by: str = "deflection",
-    progress: bool | Callable[[float], Any] = False,
     **key: tuple[float, float],
 ) -> Record:
     """Find the load below which meshes lose contact: a graze to all digits, or a bracket where the motion jumps.
@@ -481,11 +535,10 @@ def threshold(
     scene : Scene
         The scene.
     axis : mapping, optional
-        Number to vary, by key or JSON pointer, to its end with contact kept, where the search begins; the load of the scene by default.
+        Number to vary, by key or JSON pointer: its range, from the end where contact is lost to the end where it is kept. The search begins
+        at the second end. The load of the scene by default.
     by : {"deflection", "force", "back-flank"}
         Event that counts as loss of contact.
-    progress : bool or callable
-        Call this with the share that is done.
     **key
         The number by key, such as ``torque_nm=(1, 200)``.
 
@@ -499,11 +552,17 @@ def threshold(
     axes = {**(axis or {}), **key}
     if len(axes) > 1:
         raise TypeError(f"a threshold is sought along one number, not {len(axes)}")
+    checked(scene)
     vary = None
-    for name, (first, last) in axes.items():
-        vary = scene.pointer(name), (float(first), float(last))
-    with bar(progress, "share", "threshold") as report:
-        return Record(json.loads(_flank.threshold(scene._core, vary, by, report)))
+    for name, ends in axes.items():
+        vary = scene.pointer(name), ends_of(name, ends)
+    found = Record(json.loads(_flank.threshold(scene._core, vary, by)))
+    scene._warn()
+    if found.threshold.kind == "always" and vary is not None:
+        warn(f"{scene.name}: contact is lost at {vary[1][1]} already, where the search begins: swap the ends of the range")
+    if found.shared:
+        warn(f"{scene.name}: before the threshold the start leads to another motion, which has the event: sweep both ways")
+    return found
 
 
 def _numbers(values: list[float | None], absent: float) -> Array:

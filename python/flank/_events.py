@@ -77,4 +77,21 @@ class Events(Mapping[str, npt.NDArray[Any]]):
 
     def to_polars(self) -> Any:
         """Return a ``polars.DataFrame``."""
-        return optional("polars", "a data frame").DataFrame(self)
+        polars = optional("polars", "a data frame")
+        # Of the mapping polars would take the arrays, in which absent numbers are NaN.
+        return polars.DataFrame(_Stream(self._core))
+
+    def __reduce__(self) -> Any:
+        raise TypeError("Events cannot be pickled: keep events.to_pandas() or events.array")
+
+
+class _Stream:
+    """Columns as an Arrow stream, and nothing else."""
+
+    __slots__ = ("_core",)
+
+    def __init__(self, core: _flank.Events) -> None:
+        self._core = core
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        return self._core.__arrow_c_stream__(requested_schema)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,45 +13,45 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _flank
+from ._arguments import number_or_none, numbers, refuse, threads_or_none, warn, whole, whole_or_none
 from ._errors import Fault, Interrupted, SceneError
 from ._records import optional
 from ._run import bar
-from ._scene import Scene
+from ._scene import Scene, checked
 
 Axis = str | npt.ArrayLike
 """Values of an axis: an array, or ``"FROM:TO:COUNT"`` (``…:log`` for equal ratios) as in the command."""
 
 UNITS = {
     "_m_per_s": "m/s",
-    "_n_s": "N s",
+    "_rad_per_s": "rad/s",
     "_n_per_m": "N/m",
     "_n_s_per_m": "N s/m",
-    "_rad_per_s": "rad/s",
+    "_n_s": "N s",
+    "_nm": "N m",
     "_kg_m2": "kg m²",
     "_rpm": "rev/min",
-    "_nm": "N m",
     "_rad": "rad",
     "_deg": "°",
     "_hz": "Hz",
     "_kg": "kg",
-    "_mm": "mm",
-    "_um": "µm",
-    "_kw": "kW",
     "_s": "s",
     "_n": "N",
     "_m": "m",
     "_w": "W",
     "_j": "J",
 }
-"""Units by the ends of names, the longest first."""
-
-WORDS = ("kind", "word", "reason", "error", "impacts", "attractor")
+"""Units by the ends of names."""
 
 
 def unit_of(name: str) -> dict[str, str]:
-    """Return the unit that the end of a name gives, as attributes of xarray."""
-    ends = sorted((end for end in UNITS if name.endswith(end)), key=len)
-    return {"units": UNITS[ends[-1]]} if ends else {}
+    """Return the unit that the end of a name gives, as attributes of xarray; none for a quotient that the list does not have."""
+    ends = [end for end in UNITS if name.endswith(end)]
+    if not ends:
+        return {}
+    end = max(ends, key=len)
+    is_quotient = "_per_" in name[: -len(end)] or ("_per_" in name and "_per_" not in end)
+    return {} if is_quotient else {"units": UNITS[end]}
 
 
 def sweep(
@@ -114,13 +113,18 @@ def sweep(
     settings = {
         "seed": seed,
         "columns": list(columns),
-        "tolerance": tolerance,
-        "max_cycles": max_cycles,
-        "measure_cycles": measure_cycles,
+        "tolerance": number_or_none("tolerance", tolerance, 1e-13, 0.1),
+        "max_cycles": whole_or_none("max_cycles", max_cycles, 1, 10**9),
+        "measure_cycles": whole_or_none("measure_cycles", measure_cycles, 1, 10**5),
     }
 
     def work(texts: list[str], grid: dict[str, Any]) -> Any:
-        return _flank.sweep(scene._core, texts, settings, grid)
+        table, interrupted = _flank.sweep(scene._core, texts, settings, grid)
+        known = [name.rpartition(" ")[2] for name, _, _ in table]
+        if table and not all(any(name.startswith(column) for name in known) for column in columns):
+            allowed = f"columns of the finished sweep in {grid['out']}: {', '.join(dict.fromkeys(known))}"
+            raise refuse(Fault("columns", ", ".join(columns), allowed, "name another folder, or compute anew by replace=True"))
+        return table, interrupted
 
     points = _points(scene, {**(axes or {}), **keys}, _pointer)
     return _dataset("sweep", scene, points, work, (out, replace, threads, progress), 2 if seed == "both" else 1)
@@ -158,9 +162,10 @@ def map(
     xarray.Dataset
         As for :func:`sweep`, with ``kind``, ``period_cycles``, ``word``, ``exponent`` and ``impacts`` of each cell.
     """
+    cycles = _cycles(transient, further)
 
     def work(texts: list[str], grid: dict[str, Any]) -> Any:
-        return _flank.kinds(scene._core, texts, list(columns), (transient, further), grid)
+        return _flank.kinds(scene._core, texts, list(columns), cycles, grid)
 
     points = _points(scene, {**(axes or {}), **keys}, _pointer)
     return _dataset("map", scene, points, work, (out, replace, threads, progress))
@@ -195,12 +200,15 @@ def basins(
     Returns
     -------
     xarray.Dataset
-        ``attractor`` (-1 if the motion is not decided or failed), ``cycles`` and ``error`` of each start. The attribute ``attractors`` is a
-        list of the attractors, with their kinds, words, states and shares of the starts; ``measures`` has the measures of the boundary.
+        ``attractor`` (-1 if the motion is not decided or failed), ``cycles`` and ``error`` of each start. Variables along ``number``
+        describe the attractors: ``attractor_kind``, ``attractor_period_cycles``, ``attractor_word``, ``attractor_impacts``,
+        ``attractor_exponent``, and ``attractor_fraction`` of the starts with its ``attractor_standard_error``. The attribute
+        ``attractors_json`` is the content of ``attractors.json``, with states and the measures of the boundary.
     """
+    cycles = _cycles(transient, further)
 
     def work(texts: list[str], grid: dict[str, Any]) -> Any:
-        table, interrupted = _flank.basins(scene._core, texts, (transient, further), grid)
+        table, interrupted = _flank.basins(scene._core, texts, cycles, grid)
         if interrupted is None:
             found.update(json.loads(Path(grid["out"], "attractors.json").read_text("utf-8")))
         return table, interrupted
@@ -211,8 +219,19 @@ def basins(
     words = data["attractor"].values
     numbers = np.array([int(word) if word.isdigit() else -1 for word in words.flat], dtype=np.int64)
     data["attractor"] = (data["attractor"].dims, numbers.reshape(words.shape))
-    data.attrs.update(found)
+    for measure in ("kind", "period_cycles", "word", "impacts", "fraction", "standard_error", "exponent"):
+        values = [attractor[measure] for attractor in found["attractors"]]
+        is_text = measure in ("kind", "word", "impacts")
+        absent = "" if is_text else np.nan
+        data[f"attractor_{measure}"] = ("number", np.array([absent if value is None else value for value in values]))
+    for coordinate in () if scene.dimensionless else data.coords.values():
+        coordinate.attrs["units"] = "m" if "/q/" in coordinate.attrs.get("pointer", "") else "m/s"
+    data.attrs["attractors_json"] = json.dumps(found)
     return data
+
+
+def _cycles(transient: int, further: int) -> tuple[int, int]:
+    return whole("transient", transient, 1, 10**9), whole("further", further, 100, 10**6)
 
 
 def _pointer(scene: Scene, key: str) -> str:
@@ -228,20 +247,28 @@ def _start(scene: Scene, key: str) -> str:
         name = scene.freedoms[0]
     if kind not in ("q", "v") or name not in scene.freedoms:
         known = ", ".join(f"{kind} {name}" for kind in ("q", "v") for name in scene.freedoms)
-        fault = Fault(key, "no component of the start", known, "")
-        raise SceneError(f"the axes cannot be used\n  at {key}\n    found:   {fault.found}\n    allowed: {known}", [fault])
+        raise refuse(Fault(key, "no component of the start", known, "name one of them"))
     return f"/initial/{kind}/{name}"
 
 
 def _points(scene: Scene, axes: Mapping[str, Axis], pointer: Callable[[Scene, str], str]) -> dict[str, tuple[str, str]]:
     """Return pointer and text form of each axis, by its key."""
-    points = {}
+    checked(scene)
+    points, faults = {}, []
     for key, values in axes.items():
-        if not isinstance(values, str):
-            # Each number in the digits that read as the same double.
-            values = ",".join(repr(value) for value in np.atleast_1d(np.asarray(values, dtype=np.float64)).tolist())
-        name = pointer(scene, key)
-        points[key] = name, f"{name}={values}"
+        try:
+            name = pointer(scene, key)
+            if not isinstance(values, str):
+                array = np.atleast_1d(numbers(key, values, 1))
+                if len(np.unique(array)) < len(array):
+                    raise refuse(Fault(key, "a value twice", "different values", "leave one of them out"))
+                # Each number in the digits that read as the same double.
+                values = ",".join([repr(value) for value in array.tolist()])
+            points[key] = name, f"{name}={values}"
+        except SceneError as error:
+            faults += error.faults
+    if faults:
+        raise refuse(*faults)
     return points
 
 
@@ -254,8 +281,11 @@ def _dataset(
     rows: int = 1,
 ) -> Any:
     """Do the work in its folder, and arrange its table."""
+    import tempfile
+
     xarray = optional("xarray", f"flank.{name}")
     out, replace, threads, progress = settings
+    threads = threads_or_none(threads)
     total = rows * math.prod(_count(text) for _, text in points.values())
     with tempfile.TemporaryDirectory(prefix="flank-") as scratch, bar(progress, "units", name, total) as report:
         folder = os.path.join(scratch, name) if out is None else os.fspath(out)
@@ -266,7 +296,7 @@ def _dataset(
         raise Interrupted(f"interrupted{kept}") if isinstance(interrupted, Interrupted) else interrupted
     columns = {column: _values(values, words) for column, values, words in table}
     pointers = [pointer for pointer, _ in points.values()]
-    keys = _names(list(points))
+    keys = _names(list(points), pointers, {column.rpartition(" ")[2] for column in columns if column not in pointers})
     coordinates: dict[str, Any] = {}
     shape = []
     for key, pointer in zip(keys, pointers, strict=True):
@@ -292,12 +322,15 @@ def _dataset(
         if owner:
             measures.setdefault(measure, {})[owner] = arranged
         else:
-            data[column] = (dimensions, arranged, {} if column in WORDS else unit_of(column))
+            data[column] = (dimensions, arranged, unit_of(column))
     for measure, of in measures.items():
         along = "bearing" if measure.startswith("bearing") else "contact"
         known = coordinates.setdefault(along, list(of))
         arrays = [of.get(owner, np.full(shape, np.nan)) for owner in known]
         data[measure] = ([*dimensions, along], np.stack(arrays, axis=-1), unit_of(measure))
+    if failed := int(np.count_nonzero(columns["error"] != "")):
+        warn(f"{failed} of {len(columns['error'])} points failed: the variable error has the reasons")
+    scene._warn()
     attributes = {"scene": scene.name, "scene_sha256": scene.hash, "flank": _flank.__version__}
     return xarray.Dataset(data, coordinates, attributes)
 
@@ -311,10 +344,13 @@ def _count(text: str) -> int:
     return int(parts[2]) if parts[2].isdigit() else 1
 
 
-def _names(keys: list[str]) -> list[str]:
-    """Return names for the dimensions of keys or pointers: the last keys of pointers if they differ."""
-    last = [next(part for part in reversed(key.split("/")) if not part.isdigit()) for key in keys]
-    return last if len(set(last)) == len(last) else [key.strip("/").replace("/", " ") for key in keys]
+def _names(keys: list[str], pointers: list[str], taken: set[str]) -> list[str]:
+    """Return names for the dimensions: the last keys of pointers if they differ and no variable has them, else the whole pointers."""
+    # Numbers that move together have the values of the first.
+    last = [next(part for part in reversed(key.split(",")[0].split("/")) if not part.isdigit()) for key in keys]
+    if len(set(last)) == len(last) and not set(last) & taken:
+        return last
+    return [pointer.split(",")[0].strip("/").replace("/", " ") for pointer in pointers]
 
 
 def _values(values: npt.NDArray[Any], words: list[str] | None) -> npt.NDArray[Any]:

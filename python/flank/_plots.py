@@ -5,28 +5,43 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ._arguments import refuse, whole
+from ._errors import Fault
 from ._records import optional
 
 if TYPE_CHECKING:
     from ._run import Run
 
 
+SAMPLES = 4097
+"""Points of a line: a line of twice the width of a page."""
+
+
 def plot_run(run: Run, contact: str | int, cycles: int, axes: Any) -> Any:
     """Plot deflection and force of a contact over the last cycles, with its events."""
     pyplot = optional("matplotlib.pyplot", "a plot")
     names = run.scene.contacts
+    if contact not in names and contact not in range(-len(names), len(names)):
+        raise refuse(Fault("contact", repr(contact), f"one of {', '.join(map(repr, names))}, or its number", ""))
     j = contact if isinstance(contact, int) else names.index(contact)
-    motion = run.trajectory(samples_per_cycle=256)
-    shown = motion.cycle >= motion.cycle[-1] - cycles
+    j %= len(names)
+    period, (start, end) = run.summary.train.cycle, run._core.span
+    if period is not None:
+        start = max(start, end - whole("cycles", cycles, 1, 10**9) * period)
+    motion = run.trajectory(np.linspace(start, end, SAMPLES))
     scale, length, unit, time = (1.0, "", "", "") if run.scene.dimensionless else (1e6, " in µm", " in N", " in s")
-    t, force = motion.t[shown], motion.force[shown, j]
+    t, force = motion.t, motion.force[:, j]
     if axes is None:
         _, axes = pyplot.subplots(2, 1, sharex=True, figsize=(8, 5), layout="constrained")
     above, below = axes
-    above.plot(t, scale * motion.deflection[shown, j], color="C0", lw=1.2)
-    half_backlash = scale * run.scene.check()["contacts"][j]["half_backlash_m"]
-    for sign, flank in ((1.0, "drive flank"), (-1.0, "back flank")):
-        above.axhline(sign * half_backlash, color="0.5", lw=0.8, ls="--" if sign > 0 else ":", label=flank)
+    above.plot(t, scale * motion.deflection[:, j], color="C0", lw=1.2)
+    train = run.scene.check()["contacts"][j]
+    if "±" in train["guards"]:
+        half_backlash = scale * train["half_backlash_m"]
+        above.axhline(half_backlash, color="0.5", lw=0.8, ls="--", label="drive flank")
+        above.axhline(-half_backlash, color="0.5", lw=0.8, ls=":", label="back flank")
     below.plot(t, force, color="C1", lw=1.2)
     if len(run.events):
         columns = list(run.events)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -9,7 +10,8 @@ from typing import Any
 class Record(Mapping[str, Any]):
     """Mapping of names to values, which are attributes too.
 
-    Nested mappings are records, and lists of mappings lists of records. The names are those of the files that the command writes.
+    Nested mappings are records, and lists of mappings lists of records. The names are those of the files that the command writes. A name
+    that a mapping has itself, such as ``values``, needs brackets: ``record["values"]``.
     """
 
     __slots__ = ("_values",)
@@ -59,10 +61,10 @@ class Named(Mapping[str, Record]):
         self._records = {record["name"]: Record(record) for record in records}
 
     def __getitem__(self, name: str | int) -> Record:
-        if isinstance(name, int):
+        if not isinstance(name, str) and -len(self) <= operator.index(name) < len(self):
             return list(self._records.values())[name]
         try:
-            return self._records[name]
+            return self._records[str(name)]
         except KeyError:
             known = ", ".join(map(repr, self._records))
             raise KeyError(f"there is no {name!r}; there are {known}") from None
@@ -80,7 +82,7 @@ class Named(Mapping[str, Record]):
         """Return a row for each record and a column for each measure, as a ``pandas.DataFrame``."""
         pandas = optional("pandas", "a data frame")
         rows = [record.to_dict() for record in self._records.values()]
-        return pandas.DataFrame(rows).set_index("name")
+        return pandas.DataFrame(rows, columns=None if rows else ["name"]).set_index("name")
 
 
 def _record(value: Any) -> Any:

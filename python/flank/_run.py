@@ -6,15 +6,16 @@ import contextlib
 import html
 import importlib
 import json
-import warnings
 from collections.abc import Callable, Iterator
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _flank
-from ._errors import Error, Interrupted, SceneWarning
+from ._arguments import numbers, refuse, warn, whole
+from ._errors import Error, Fault, Interrupted
 from ._events import Events
 from ._records import Named, Record, optional
 
@@ -33,7 +34,7 @@ class Run:
         self.scene = scene
         """The scene."""
         self.events = Events(core.events)
-        """Events as columns; empty for a run with ``log=False`` or ``out``."""
+        """Events as columns; empty for a run with ``log=False``."""
 
     @classmethod
     def _of(
@@ -43,22 +44,30 @@ class Run:
         observer: Callable[[Record], bool | None] | None,
         progress: bool | Callable[[float], Any],
     ) -> Run:
-        settings["observer"] = None if observer is None else lambda text: observer(Record(json.loads(text)))
-        with bar(progress, "share", scene.name) as report:
+        if observer is not None:
+
+            def watch(text: str) -> bool:
+                answer = observer(Record(json.loads(text)))
+                return not (isinstance(answer, (bool, np.bool_)) and not answer)
+
+            settings["observer"] = watch
+        else:
+            settings["observer"] = None
+        with bar(progress, "share", PurePath(scene.name).stem) as report:
             settings["progress"] = report
             core, failure = scene._core.run(settings)
         run = cls(scene, core)
+        scene._warn()
         if failure is not None:
             if isinstance(failure, Interrupted):
                 failure = Interrupted(f"interrupted at t = {run.outcome.seconds}; the attribute run has the record up to there")
             if isinstance(failure, Error):
                 failure.run = run
             raise failure
-        scene._warn()
         budget = scene.resolved["run"]["event_budget"]
         if run.outcome.kind == "event-budget-spent" and run.work.events >= budget:
             text = f"the event budget of the scene, {budget}, was spent in cycle {run.outcome.cycle}: raise event_budget"
-            warnings.warn(text, SceneWarning, stacklevel=3)
+            warn(text)
         return run
 
     @property
@@ -115,10 +124,12 @@ class Run:
         -------
         Trajectory
         """
+        if t is not None and samples_per_cycle is not None:
+            raise refuse(Fault("samples_per_cycle", "given beside t", "t or samples_per_cycle", "leave one of them out"))
         if t is not None:
-            times = np.atleast_1d(np.asarray(t, dtype=np.float64)).tolist()
-            return Trajectory(self.scene, *self._core.samples(times=times))
-        return Trajectory(self.scene, *self._core.samples(per_cycle=64 if samples_per_cycle is None else samples_per_cycle))
+            return Trajectory(self.scene, *self._core.samples(times=numbers("t", t, 1).tolist()))
+        per_cycle = whole("samples_per_cycle", 64 if samples_per_cycle is None else samples_per_cycle, 1, 2**20)
+        return Trajectory(self.scene, *self._core.samples(per_cycle=per_cycle))
 
     def plot(self, contact: str | int = 0, *, cycles: int = 4, ax: Any = None) -> Any:
         """Plot deflection and force of a contact over the last cycles, with its events.
@@ -128,7 +139,7 @@ class Run:
         contact : str or int
             Name or number of the contact.
         cycles : int
-            Number of cycles before the end.
+            Number of cycles before the end; a scene without cycles is shown as a whole.
         ax : pair of matplotlib.axes.Axes, optional
             Axes of the deflection and of the force.
 
@@ -139,6 +150,9 @@ class Run:
         from ._plots import plot_run
 
         return plot_run(self, contact, cycles, ax)
+
+    def __reduce__(self) -> Any:
+        raise TypeError("a Run cannot be pickled: keep run.summary.to_dict(), run.events.to_pandas() and the scene")
 
     def __repr__(self) -> str:
         return f"Run({self.scene.name!r}: {self.outcome.kind}, t = {self.outcome.seconds:.6g}, {self.work.events} events)"
@@ -163,7 +177,7 @@ class Run:
 
 
 class Trajectory:
-    """Motion at given times. At an event it is the state after it."""
+    """Motion at given times. At the time of an event, rounded to a double, it is the state after the event."""
 
     __slots__ = ("_names", "_values", "scene")
 
@@ -235,6 +249,8 @@ class Trajectory:
 @contextlib.contextmanager
 def bar(progress: Any, kind: str, name: str, total: int | None = None) -> Iterator[Callable[[int, float], None] | None]:
     """Give a callback that shows the share that is done, or the number of finished rows."""
+    if not callable(progress) and not isinstance(progress, bool):
+        raise refuse(Fault("progress", repr(progress), "True, False, or a callable of one argument", ""))
     if callable(progress):
         yield lambda units, share: progress(share if kind == "share" else units / (total or 1))
         return

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from . import _flank
-from ._errors import SceneWarning
+from ._arguments import refuse, warn, whole_or_none
+from ._errors import Fault
 from ._records import Record
 from ._run import Run
 
@@ -63,19 +64,34 @@ def schema() -> dict[str, Any]:
     return dict(json.loads(_flank.schema()))
 
 
-def _json(value: Any) -> str:
+def _json(value: Any, place: str = "") -> str:
     """Write a value as JSON; numbers and arrays of NumPy are written as numbers and lists."""
+    return json.dumps(_plain(value, place))
 
-    def plain(value: Any) -> Any:
-        if isinstance(value, (np.generic, np.ndarray)):
-            return value.tolist()
-        if isinstance(value, Mapping):
-            return dict(value)
-        if isinstance(value, os.PathLike):
-            return os.fspath(value)
-        raise TypeError(f"a scene cannot hold {value!r} of type {type(value).__name__}")
 
-    return json.dumps(value, default=plain)
+def _plain(value: Any, place: str) -> Any:
+    """Return a value of the types of JSON, or refuse it with its place, a JSON pointer."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item, f"{place}/{key}") for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item, f"{place}/{i}") for i, item in enumerate(value)]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise refuse(Fault(place, repr(value), "a finite number", "write a finite number"))
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    found = f"{value!r} of type {type(value).__name__}"
+    raise refuse(Fault(place, found, "numbers, texts, lists and dictionaries", "convert it"))
+
+
+def checked(scene: Any) -> Scene:
+    """Return a scene, or refuse what is none."""
+    if isinstance(scene, Scene):
+        return scene
+    raise refuse(Fault("scene", repr(scene)[:80], "a flank.Scene", "read it by flank.load"))
 
 
 class Scene:
@@ -152,6 +168,10 @@ class Scene:
         SceneError
             If no place has the key, with the most similar one, or if several have it, with all of them.
         """
+        if not isinstance(key, str):
+            raise refuse(Fault(repr(key), f"a {type(key).__name__}", "a key or a JSON pointer, a text", ""))
+        if "/" in key and not key.startswith("/"):
+            raise refuse(Fault(key, "a pointer without its first /", "a JSON pointer", f"write {'/' + key!r}"))
         return self._core.pointer(key)
 
     def with_(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> Scene:
@@ -173,8 +193,13 @@ class Scene:
         SceneError
             For an unknown key, with a suggestion, or if the scene is invalid with these values.
         """
-        changed = {**(values or {}), **keys}
-        return Scene(self._core.with_all([(key, _json(value)) for key, value in changed.items()]))
+        changed: dict[str, str] = {}
+        for key, value in [*(values or {}).items(), *keys.items()]:
+            pointer = self.pointer(key)
+            if pointer in changed:
+                raise refuse(Fault(pointer, "two values", "one value", "give the number once, by key or by pointer"))
+            changed[pointer] = _json(value, pointer)
+        return Scene(self._core.with_all(list(changed.items())))
 
     def run(
         self,
@@ -194,14 +219,13 @@ class Scene:
         Parameters
         ----------
         log : bool
-            Keep the events; without them a long run takes no memory.
+            Keep the events, and write them; without them a long run takes neither memory nor disk space.
         out : path, optional
             Folder for the files of ``flank run --no-report``, which get the same bytes: ``events.jsonl``, ``events.csv``, ``summary.json``.
-            The record has no events then.
         replace : bool
-            Replace the files of an earlier run in the folder.
+            Replace the files of an earlier run in the folder ``out``.
         trajectory : bool
-            Write ``trajectory.csv`` into the folder too.
+            Write ``trajectory.csv`` into the folder ``out`` too.
         verify : bool
             Check every event, and that there are no others, by two independent methods.
         max_events : int, optional
@@ -233,23 +257,31 @@ class Scene:
                 log=log, out=out, replace=replace, trajectory=trajectory, verify=verify, max_events=max_events,
                 observer=observer, progress=progress,
             )  # fmt: skip
+        for name, value in (("log", log), ("replace", replace), ("trajectory", trajectory), ("verify", verify)):
+            if not isinstance(value, (bool, np.bool_)):
+                raise refuse(Fault(name, repr(value), "True or False", ""))
+        for name, value in (("replace", replace), ("trajectory", trajectory)):
+            if value and out is None:
+                raise refuse(Fault(name, "True without a folder", "True with out", "name a folder by out"))
+        if observer is not None and not callable(observer):
+            raise refuse(Fault("observer", repr(observer), "a callable of one argument", ""))
         return Run._of(
             self,
             {
-                "log": log,
+                "log": bool(log),
                 "out": None if out is None else os.fspath(out),
-                "replace": replace,
-                "trajectory": trajectory,
-                "verify": verify,
-                "max_events": max_events,
+                "replace": bool(replace),
+                "trajectory": bool(trajectory),
+                "verify": bool(verify),
+                "max_events": whole_or_none("max_events", max_events, 1, 2**63 - 1),
             },
             observer,
             progress,
         )
 
     def _warn(self) -> None:
-        for warning in self.warnings:
-            warnings.warn(f"{self.name}: {warning}", SceneWarning, stacklevel=4)
+        for text in self.warnings:
+            warn(f"{self.name}: {text}")
 
     def __repr__(self) -> str:
         kind = self.resolved["train"]["kind"]

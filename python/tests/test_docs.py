@@ -3,6 +3,8 @@
 import os
 import re
 
+import nbclient
+import nbformat
 import pytest
 from conftest import ROOT
 
@@ -10,7 +12,6 @@ NOTEBOOKS = sorted((ROOT / "python" / "notebooks").glob("*.ipynb"))
 
 
 def test_the_page_about_python_holds(monkeypatch):
-    pytest.importorskip("xarray")
     monkeypatch.chdir(ROOT)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "PYTHON.md").read_text("utf-8"), re.S)
     names: dict[str, object] = {}
@@ -36,7 +37,6 @@ def texts(notebook) -> list[list[str]]:
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_prints_what_it_shows(path):
-    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
     shown = nbformat.read(path, as_version=4)
     again = nbformat.read(path, as_version=4)
     nbclient.NotebookClient(again, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(path.parent)}}).execute()

@@ -89,3 +89,17 @@ def test_a_threshold_is_a_graze_of_the_motion(spur):
         assert bool(data["apart_fraction"].item() > 0) == is_apart
     with pytest.raises(flank.SceneError, match="by"):
         flank.threshold(spur, by="sound")
+
+
+def test_an_orbit_starts_again_where_it_closes(pair):
+    # The run of the scene begins within a period; sections are at phase 0.
+    period = flank.SectionMap(pair).cycle
+    shifted = pair.with_({"/run/period": 0.3 * period, "/run/start_cycle": 5}, transient_cycles=0, cycles=50)
+    section_map, orbit = flank.SectionMap(shifted), flank.orbit(shifted)
+    assert np.allclose(section_map(orbit.section).x, orbit.x, atol=1e-12)
+    again = orbit.scene
+    state = flank.SectionMap(again).start()
+    assert np.allclose(state.x, orbit.x, atol=1e-12)
+    inside = section_map.section([0.5, 0.0])
+    assert inside.contacts == ["separated"] and section_map.section([1.5, 0.0]).contacts == ["drive"]
+    assert section_map.section(orbit.x, orbit.contacts).contacts == orbit.contacts

@@ -8,8 +8,12 @@ import time
 from decimal import Decimal
 
 import numpy as np
+import pandas
+import polars
+import pyarrow
 import pytest
 from conftest import SCENES
+from scipy import sparse
 
 import flank
 
@@ -53,7 +57,6 @@ def test_numbers_of_numpy_are_numbers_of_a_scene(pair):
 
 
 def test_columns_of_events_agree_in_all_forms(pair):
-    pandas, polars, pyarrow = (pytest.importorskip(name) for name in ("pandas", "polars", "pyarrow"))
     events = pair.run().events
     frame, other, table = events.to_pandas(), events.to_polars(), pyarrow.table(events)
     assert list(events) == list(frame.columns) == other.columns == table.column_names == list(events.array.dtype.names)
@@ -98,6 +101,8 @@ def test_the_motion_is_the_dense_output_at_exact_times(pair):
     assert np.array_equal(cycles.q[-1], run.outcome.q)
     assert np.array_equal(cycles.v[-1], run.outcome.v)
     assert cycles.to_xarray()["force"].dims == ("t", "contact")
+    # The end of the run, rounded to a double, is its last state.
+    assert np.array_equal(run.trajectory(run.outcome.seconds).q[0], run.outcome.q)
     for wrong in ([1.0, 0.5], [-1.0], [1e9]):
         with pytest.raises(flank.SceneError, match="at t\n"):
             run.trajectory(wrong)
@@ -156,6 +161,7 @@ def test_runs_release_the_interpreter(pair):
     assert count > 20
 
 
+@pytest.mark.filterwarnings("ignore:.*budget")
 def test_an_interrupt_ends_a_run_cleanly(pair):
     threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     with pytest.raises(flank.Interrupted) as error:
@@ -172,6 +178,7 @@ def test_a_spent_budget_warns_and_a_limit_does_not(pair):
     assert len(pair.run(max_events=7).events) == 7
 
 
+@pytest.mark.filterwarnings("ignore:.*budget")
 def test_a_failed_run_keeps_what_it_had(pair):
     with pytest.raises(flank.Error, match="step") as error:
         pair.run(step_budget=1000)
@@ -194,7 +201,6 @@ def test_scenes_are_values(pair):
 
 
 def test_matrices_make_the_train_of_the_same_scene():
-    sparse = pytest.importorskip("scipy.sparse")
     contact = {
         "name": "stop",
         "direction": np.array([1.0, 0.0]),
@@ -220,3 +226,120 @@ def test_every_example_scene_loads():
     for path in sorted(SCENES.glob("*.json")):
         scene = flank.load(path)
         assert scene.freedoms and repr(scene)
+
+
+@pytest.mark.parametrize(
+    ("settings", "place"),
+    [
+        ({"max_events": -1}, "max_events"),
+        ({"max_events": 2.5}, "max_events"),
+        ({"trajectory": True}, "trajectory"),
+        ({"replace": True}, "replace"),
+        ({"cycles": -3}, "cycles"),
+        ({"cycles": None}, "cycles"),
+        ({"mean_load": "much"}, "mean_load"),
+        ({"mean_load": float("nan")}, "mean_load"),
+        ({"mean_load": [1, 2]}, "mean_load"),
+        ({"log": "no"}, "log"),
+        ({"observer": "print"}, "observer"),
+        ({"progress": "x"}, "progress"),
+    ],
+)
+def test_wrong_arguments_are_refused_with_their_place(pair, settings, place):
+    with pytest.raises(flank.SceneError, match=place) as error:
+        pair.run(**settings)
+    assert error.value.faults and all(fault.allowed for fault in error.value.faults)
+
+
+def test_times_and_samples_are_refused_with_their_place(pair):
+    run = pair.run(max_events=20)
+    for wrong in ("never", [[1.0], [2.0]], [np.nan], 1e9, -1.0):
+        with pytest.raises(flank.SceneError, match="at t\n"):
+            run.trajectory(wrong)
+    for wrong in (0, -1, 1.5, True):
+        with pytest.raises(flank.SceneError, match="samples_per_cycle"):
+            run.trajectory(samples_per_cycle=wrong)
+    with pytest.raises(flank.SceneError, match="samples_per_cycle"):
+        run.trajectory([1.0], samples_per_cycle=3)
+    with pytest.raises(flank.SceneError, match="contact"):
+        run.plot("gear")
+    with pytest.raises(TypeError, match="pickled"):
+        pickle.dumps(run)
+
+
+def test_columns_have_their_types_without_events(pair):
+    empty, full = pair.run(max_events=20, log=False).events, pair.run().events
+    assert len(empty) == 0
+    assert pyarrow.table(empty).schema == pyarrow.table(full).schema
+    assert empty["kind"].dtype.kind == "U" and empty["index"].dtype == np.int64
+
+
+def test_a_record_keeps_its_events_beside_the_files(pair, tmp_path):
+    run = pair.run(out=tmp_path / "out")
+    assert len(run.events) == len((tmp_path / "out" / "events.csv").read_text().splitlines()) - 1
+
+
+def test_plots_show_the_last_cycles_or_all_of_a_run(pair):
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    run = pair.run()
+    above, below = run.plot("mesh", cycles=3).axes
+    (start, end), period = above.lines[0].get_xdata()[[0, -1]], run.summary.train.cycle
+    assert end == run.outcome.seconds and abs(end - start - 3 * period) < 1e-9
+    # The line passes each event at its deflection.
+    events = above.lines[-1]
+    assert len(events.get_xdata()) >= 6
+    assert np.allclose(np.abs(events.get_ydata()), 1)
+    assert below.get_ylabel() == "force" and above.get_ylabel() == "deflection"
+    assert flank.load(BALL).run().plot().axes[0].get_ylabel() == "deflection in µm"
+
+
+def test_the_time_of_an_impact_gives_the_state_after_it():
+    ball = flank.load(SCENES / "bouncing-ball.json").run(cycles=40, transient_cycles=0)
+    events = ball.events
+    impacts = events["kind"] == "impact"
+    speeds = ball.trajectory(events["t_s" if "t_s" in events else "t"][impacts]).v[:, 0]
+    assert impacts.sum() > 30
+    # The table moves, so that the speed after an impact has no sign of its own; it differs from that before.
+    just_before = ball.trajectory(np.nextafter(np.nextafter(events["t_s" if "t_s" in events else "t"][impacts], -np.inf), -np.inf)).v[:, 0]
+    release = events["release_m_per_s" if "t_s" in events else "release"][impacts]
+    approach = events["approach_m_per_s" if "t_s" in events else "approach"][impacts]
+    assert np.allclose(np.abs(speeds - just_before), release + approach, rtol=1e-9)
+
+
+def test_runs_that_end_early_have_their_last_state(pair):
+    for run in (pair.run(max_events=13), pair.run(observer=lambda event: event.index < 7)):
+        last = run.trajectory(run.outcome.seconds)
+        assert np.allclose([*last.q[0], *last.v[0]], [*run.outcome.q, *run.outcome.v], rtol=0, atol=1e-13)
+        assert len(run.trajectory(np.linspace(0, run.outcome.seconds, 9))) == 9
+
+
+def test_a_key_is_that_of_the_scene_as_it_is_given():
+    box = flank.load(SCENES / "three-shaft-box.json")
+    assert box.pointer("total_backlash_m") == "/train/mesh/total_backlash_m"
+
+
+def test_an_observer_may_return_anything(pair):
+    assert pair.run(observer=lambda event: 0).outcome.kind == "reached-end"
+    assert pair.run(observer=lambda event: np.bool_(False)).outcome.kind == "stopped"
+
+
+def test_values_that_contradict_or_have_no_place_are_refused(pair):
+    with pytest.raises(flank.SceneError, match="mean_load"):
+        pair.with_({"/train/mean_load": 3}, mean_load=4)
+    with pytest.raises(flank.SceneError, match="/train/mean_load"):
+        pair.with_({"train/mean_load": 3})
+    with pytest.raises(flank.SceneError, match=r"load_n\[1\]|mass_kg"):
+        flank.Matrices([1, np.nan], run={"cycles": 20})
+    with pytest.raises(flank.SceneError, match="initial"):
+        pair.with_({"/initial": {"q": [Decimal(1)]}})
+    with pytest.raises(flank.SceneError, match="scene"):
+        flank.sweep("spur-pair.json", mean_load=[1, 2])
+
+
+def test_absent_numbers_are_null_in_polars(pair):
+    events = pair.run().events
+    assert events.to_polars()["restitution"].null_count() == np.isnan(events["restitution"]).sum() > 0
+    with pytest.raises(TypeError, match="to_pandas"):
+        pickle.dumps(events)

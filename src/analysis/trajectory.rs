@@ -23,7 +23,7 @@ pub enum Grid {
         /// Interval, s, > 0.
         interval: f64,
     },
-    /// These times, s, in rising order.
+    /// These times, s, in rising order. The rounded time of an event gives the state after the event.
     Times(Vec<f64>),
 }
 
@@ -100,7 +100,11 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
 
     /// Adds the sample at the end of a run, if one is due there.
     pub fn finish(&mut self, state: &State) -> ControlFlow<()> {
-        while let Some(at) = self.due().filter(|at| self.clock.between(*at, state.at) >= 0.0) {
+        let is_due = |grid: &Grid, number: i64, at: Instant, clock: &Clock| match grid {
+            Grid::Times(times) => times[number as usize] <= clock.time(state.at).value(),
+            _ => clock.between(at, state.at) >= 0.0,
+        };
+        while let Some(at) = self.due().filter(|at| is_due(&self.grid, self.number, *at, &self.clock)) {
             self.x.copy_from_slice(&state.x);
             self.emit(at, &state.jump.mode)?;
         }
@@ -114,10 +118,17 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Observer for Trajectory<F> {
         // A sample exactly at the end has the state after an event there.
         while let Some(at) = self.due() {
             let elapsed = self.clock.between(step.start(), at);
-            if elapsed >= span {
+            let is_later = match &self.grid {
+                // A time is a double: that of an event, rounded, gives the state after it too.
+                Grid::Times(times) => {
+                    times[self.number as usize] >= self.clock.time(self.clock.advance(step.start(), span)).value()
+                }
+                _ => elapsed >= span,
+            };
+            if is_later {
                 break;
             }
-            let theta = theta_at(step, elapsed, until);
+            let theta = theta_at(step, elapsed.max(0.0), until);
             step.state(theta, &mut self.x);
             self.emit(at, mode)?;
         }

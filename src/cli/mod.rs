@@ -136,7 +136,7 @@ enum SceneCommand {
 static WORDS: OnceLock<Vec<String>> = OnceLock::new();
 
 /// Runs the command of a command line, the first word of which is the name of the program. Returns the exit code; `--help` lists
-/// them. Prints to the standard streams, and ends the process itself after a second signal.
+/// them. Prints to the standard streams, and ends the process itself after a second signal. A process calls it once: an interrupt stays.
 pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
     let words: Vec<OsString> = words.into_iter().collect();
     WORDS.get_or_init(|| words.iter().map(|word| word.to_string_lossy().into_owned()).collect());

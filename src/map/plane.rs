@@ -44,7 +44,7 @@ pub(super) fn two_axes(texts: &[impl AsRef<str>]) -> Result<Grid, GridError> {
     let grid = Grid::parse_up_to(texts, MOST_CELLS)?;
     let mut faults = Vec::new();
     if grid.axes().len() != 2 {
-        faults.push(Fault::new("the axes", format!("{} of them", grid.axes().len()), "two, each with --vary"));
+        faults.push(Fault::new("the axes", format!("{} of them", grid.axes().len()), "two of them"));
     }
     for axis in grid.axes().iter().filter(|axis| axis.count() < 2) {
         faults.push(one_value(&axis.pointer));

@@ -77,6 +77,9 @@ pub struct Exponents {
     /// True if all requested cycles are averaged.
     #[serde(skip)]
     pub is_whole: bool,
+    /// True if the sum contradicts its rule: the exponents must not be used.
+    #[serde(skip)]
+    pub is_contradictory: bool,
     /// Exponents from the derivative of each reset alone, without the change of event times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_saltation: Option<WithoutSaltation>,
@@ -347,10 +350,11 @@ impl Lyapunov {
         let known = now.volume.filter(|_| latches == 0 && cycles > 0);
         let sum_rule = known.map(|volume| volume / (cycles as f64 * period));
         let largest = exponents.iter().flatten().fold(0.0, |m: f64, e| m.max(e.abs()));
+        let mut is_contradictory = false;
         if let (Some(sum), Some(rule)) = (sum, sum_rule)
             && (sum - rule).abs() > RULE * largest
         {
-            is_whole = false;
+            (is_whole, is_contradictory) = (false, true);
             reason = Some(format!("the exponents have the sum {sum}, which must be {rule}: do not use them"));
         }
         Ok(Exponents {
@@ -366,6 +370,7 @@ impl Lyapunov {
             words: now.sequence.statistics(),
             reason,
             is_whole,
+            is_contradictory,
             without_saltation: bare,
             finite: now.finite,
             course: now.course,

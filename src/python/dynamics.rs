@@ -9,14 +9,16 @@ use serde_json::{Value, json};
 use flank::{
     Error, Simulation,
     branch::{Branch, Continuation, Family},
+    engine::State,
     ensemble::Ensemble,
+    hybrid::ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated},
     orbit::{Image, Lyapunov, Search, Section as LibrarySection, SectionMap as Map, components},
     simulation::Parameter,
     study::rattle::{LoadThreshold, Loss},
 };
 
 use crate::{
-    error::{raised, refused},
+    error::{alarm, raised, refused},
     scene::Scene,
     work::{Done, pooled},
 };
@@ -77,6 +79,12 @@ impl SectionMap {
         Ok(Self { simulation: Arc::new(simulation) })
     }
 
+    /// True if the run of the scene starts within a period.
+    #[getter]
+    fn starts_within_a_period(&self) -> bool {
+        self.simulation.instants()[0].phase.value() != 0.0
+    }
+
     /// Periods of the forcing clock in a cycle.
     #[getter]
     fn periods_per_cycle(&self) -> u64 {
@@ -100,18 +108,31 @@ impl SectionMap {
         Map::new(&self.simulation).and_then(|map| map.start()).map(Section).map_err(raised)
     }
 
-    /// Returns the section at coordinates and velocities, `[2n]`.
-    fn section(&self, x: PyReadonlyArray1<'_, f64>) -> PyResult<Section> {
+    /// Returns the section at coordinates and velocities, `[2n]`, or at a whole state, `[dim]`. Contacts are in the states `contacts`; by
+    /// default they are open or closed by their deflections.
+    #[pyo3(signature = (x, contacts=None))]
+    fn section(&self, x: PyReadonlyArray1<'_, f64>, contacts: Option<Vec<String>>) -> PyResult<Section> {
         let x: Vec<f64> = x.as_array().to_vec();
-        let n = self.simulation.structure.freedoms();
-        if x.len() != 2 * n {
-            let allowed = format!("coordinates and velocities, {} numbers", 2 * n);
+        let (n, dim) = (self.simulation.structure.freedoms(), components(&self.simulation).len());
+        if x.len() != 2 * n && x.len() != dim {
+            let allowed = format!("coordinates and velocities, {} numbers, or a whole state, {dim}", 2 * n);
             return Err(refused("x", format!("{} numbers", x.len()), &allowed));
         }
         let map = Map::new(&self.simulation).map_err(raised)?;
-        let mut state = self.simulation.start_at(&x[..n], &x[n..]).map_err(raised)?;
-        state.at = self.simulation.clock().at(state.at.cycle, 0.0);
-        Ok(Section(map.section(&state)))
+        let start = self.simulation.instants()[0];
+        let at = self.simulation.clock().at(start.cycle + i64::from(start.phase.value() > 0.0), 0.0);
+        let started = self.simulation.structure.start(at, &x[..n], &x[n..2 * n]).map_err(raised)?;
+        let mut section = map.section(&State { at, x: started.x, jump: started.jump });
+        section.x[..x.len()].copy_from_slice(&x);
+        if let Some(names) = contacts {
+            let all = [Separated, Drive, Back, DriveDetached, BackDetached];
+            let mode = |name: &String| all.into_iter().find(|mode| mode.name() == name);
+            let modes = names.iter().map(mode).collect::<Option<Vec<_>>>();
+            section.contacts = modes.filter(|modes| modes.len() == section.contacts.len()).ok_or_else(|| {
+                refused("contacts", format!("{names:?}"), "the state of each contact, as those of a section")
+            })?;
+        }
+        Ok(Section(section))
     }
 
     /// Returns the section after some cycles.
@@ -176,12 +197,25 @@ pub fn sections<'py>(
         let allowed = format!("coordinates and velocities, {} numbers for each member", 2 * n);
         return Err(refused("x0", format!("{} numbers for each member", starts.ncols()), &allowed));
     }
-    if every == 0 {
-        return Err(refused("every", "0", "a number of cycles from 1"));
-    }
     let (members, count, dim) = (starts.nrows(), (cycles / every + 1) as usize, components(&simulation).len());
+    let mut states = Vec::new();
+    if members
+        .checked_mul(count)
+        .and_then(|c| c.checked_mul(dim))
+        .is_none_or(|all| states.try_reserve_exact(all).is_err())
+    {
+        let found = format!("{members} members with {count} sections of {dim} numbers");
+        return Err(refused("cycles", found, "states that fit into the memory: fewer cycles, or a larger every"));
+    }
+    for (i, row) in starts.rows().into_iter().enumerate() {
+        let x = row.to_vec();
+        let started = simulation.start_at(&x[..n], &x[n..]);
+        started.map_err(|error| {
+            refused(&format!("x0[{i}]"), error.to_string(), "a state from which the train can start")
+        })?;
+    }
     let done = pooled(py, threads, progress, |task| {
-        let (mut states, mut failures) = (Vec::with_capacity(members * count * dim), Vec::new());
+        let mut failures = Vec::new();
         let clock = simulation.clock();
         Ensemble::new(&simulation, members).run(
             |i| {
@@ -253,6 +287,9 @@ pub fn exponents(
     let simulation = scene.simulation()?;
     let method = Lyapunov { cycles, without_saltation, finite };
     let found = whole(pooled(py, Some(2), progress, |task| method.run(&simulation, task))?)?;
+    if found.is_contradictory {
+        return Err(alarm(found.reason.unwrap_or_default()));
+    }
     let mut report = json!(found);
     report["course"] = json!(found.course);
     report["is_whole"] = json!(found.is_whole);
@@ -325,20 +362,14 @@ pub fn branches<'py>(
 
 /// Finds the load below which contact is lost. Returns the output of `flank threshold --json`.
 #[pyfunction]
-#[pyo3(signature = (scene, vary, by, progress))]
-pub fn threshold(
-    py: Python<'_>,
-    scene: &Scene,
-    vary: Option<(String, [f64; 2])>,
-    by: &str,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<String> {
+#[pyo3(signature = (scene, vary, by))]
+pub fn threshold(py: Python<'_>, scene: &Scene, vary: Option<(String, [f64; 2])>, by: &str) -> PyResult<String> {
     let loss = match by {
         "deflection" => Loss::Deflection,
         "force" => Loss::Force,
         "back-flank" => Loss::BackFlank,
         _ => return Err(refused("by", format!("{by:?}"), "deflection, force or back-flank")),
     };
-    let found = whole(pooled(py, None, progress, |task| LoadThreshold::find(scene.scene(), vary, loss, task))?)?;
+    let found = whole(pooled(py, None, None, |task| LoadThreshold::find(scene.scene(), vary, loss, task))?)?;
     Ok(json!(found).to_string())
 }

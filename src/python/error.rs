@@ -2,7 +2,12 @@
 
 use pyo3::{exceptions::PyKeyboardInterrupt, import_exception, prelude::*};
 
-use flank::{Error, output::Fault, simulation::SimulationError};
+use flank::{
+    Error,
+    output::{Fault, OutputError},
+    simulation::SimulationError,
+    sweep::SweepError,
+};
 
 mod exceptions {
     use super::import_exception;
@@ -24,13 +29,19 @@ pub fn raised(error: impl Into<Error>) -> PyErr {
         Error::Simulation(
             SimulationError::Verify(_) | SimulationError::Energy { .. } | SimulationError::Overflow(_),
         ) => return exceptions::Alarm::new_err(text),
+        Error::Output(OutputError::Occupied(_))
+        | Error::Sweep(SweepError::Unfinished(_) | SweepError::Mismatch { .. } | SweepError::Damaged { .. }) => {
+            return exceptions::Error::new_err(
+                text + "\n  remedy: name another folder, or replace what is there by replace=True",
+            );
+        }
         _ => return exceptions::Error::new_err(text),
     };
     let row = |fault: &Fault| (fault.pointer.clone(), fault.found.clone(), fault.allowed.clone(), fault.remedy.clone());
     exceptions::SceneError::new_err((text, faults.iter().map(row).collect::<Vec<_>>()))
 }
 
-/// Returns the exception for arguments that cannot be used.
+/// Returns the exception for an argument that cannot be used.
 pub fn refused(place: &str, found: impl Into<String>, allowed: &str) -> PyErr {
     raised(Error::Arguments(vec![Fault::new(place, found, allowed)]))
 }
@@ -42,4 +53,9 @@ pub fn cancelled(py: Python<'_>, cause: PyErr) -> PyErr {
     } else {
         cause
     }
+}
+
+/// Returns the alarm of numbers that contradict each other.
+pub fn alarm(text: String) -> PyErr {
+    exceptions::Alarm::new_err(text)
 }

@@ -1,16 +1,16 @@
 //! Events of a run, kept as columns.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{borrow::Cow, collections::HashMap, sync::Arc};
 
 use arrow_array::{ArrayRef, DictionaryArray, Float64Array, Int64Array, RecordBatch, StringArray, types::Int16Type};
-use arrow_schema::{ArrowError, DataType, Field, Schema};
+use arrow_schema::{ArrowError, Field};
 use numpy::ToPyArray;
 use pyo3::{prelude::*, types::PyCapsule};
 use pyo3_arrow::ffi::{ArrayIterator, to_stream_pycapsule};
 
 use flank::{
     analysis::EventRow,
-    simulation::{EVENT_COLUMNS, EventCell},
+    simulation::{EVENT_COLUMNS, EventColumn, EventValues},
 };
 
 /// Values of one column.
@@ -19,61 +19,65 @@ enum Values {
     Whole(Vec<i64>),
     /// Absent numbers are NaN.
     Numbers(Vec<f64>),
-    /// Places in a list of words.
-    Words {
-        places: Vec<i16>,
-        words: Vec<String>,
-        known: HashMap<String, i16>,
-    },
+    Words(Words),
 }
 
-impl Values {
-    fn push(&mut self, cell: EventCell<'_>) {
-        match (self, cell) {
-            (Self::Whole(values), EventCell::Whole(value)) => values.push(value),
-            (Self::Numbers(values), EventCell::Number(value)) => values.push(value.unwrap_or(f64::NAN)),
-            (Self::Numbers(values), EventCell::Decimal(_, value)) => values.push(value),
-            (Self::Words { places, words, known }, EventCell::Word(word)) => {
-                let place = known.get(&*word).copied().unwrap_or_else(|| {
-                    // Exact: names of contacts, kinds and modes.
-                    let place = words.len() as i16;
-                    words.push(word.to_string());
-                    known.insert(word.into_owned(), place);
-                    place
-                });
-                places.push(place);
-            }
-            (values, cell) => unreachable!("a column of {values:?} has no {cell:?}"),
-        }
-    }
+/// Places in a list of words.
+#[derive(Debug, Default)]
+struct Words {
+    places: Vec<i16>,
+    words: Vec<String>,
+    known: HashMap<String, i16>,
+}
 
-    /// Returns an empty column for cells like this one.
-    fn like(cell: &EventCell<'_>) -> Self {
-        match cell {
-            EventCell::Whole(_) => Self::Whole(Vec::new()),
-            EventCell::Number(_) | EventCell::Decimal(..) => Self::Numbers(Vec::new()),
-            EventCell::Word(_) => Self::Words { places: Vec::new(), words: Vec::new(), known: HashMap::new() },
-        }
+impl Words {
+    fn push(&mut self, word: Cow<'_, str>) {
+        let place = self.known.get(&*word).copied().unwrap_or_else(|| {
+            // Exact: names of contacts, kinds and modes.
+            let place = self.words.len() as i16;
+            self.words.push(word.to_string());
+            self.known.insert(word.into_owned(), place);
+            place
+        });
+        self.places.push(place);
     }
 }
 
 /// Collector of the rows of a run.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Collector {
     columns: Vec<Values>,
     /// All digits of the times, in the order of the rows.
     exact: Vec<String>,
 }
 
+impl Default for Collector {
+    fn default() -> Self {
+        let empty = |column: &EventColumn| match column.values() {
+            EventValues::Whole(_) => Values::Whole(Vec::new()),
+            EventValues::Word(_) => Values::Words(Words::default()),
+            _ => Values::Numbers(Vec::new()),
+        };
+        Self { columns: EVENT_COLUMNS.iter().map(empty).collect(), exact: Vec::new() }
+    }
+}
+
 impl Collector {
     /// Adds a row: a line for each of its contacts.
     pub fn take(&mut self, row: &EventRow) {
         for contact in &row.contacts {
-            let cells = EVENT_COLUMNS.iter().map(|column| column.cell(row, contact));
-            if self.columns.is_empty() {
-                self.columns = cells.clone().map(|cell| Values::like(&cell)).collect();
+            for (values, column) in self.columns.iter_mut().zip(&EVENT_COLUMNS) {
+                match (values, column.values()) {
+                    (Values::Whole(values), EventValues::Whole(value)) => values.push(value(row)),
+                    (Values::Words(words), EventValues::Word(word)) => words.push(word(contact)),
+                    (Values::Numbers(values), EventValues::Instant(value)) => values.push(value(row)),
+                    (Values::Numbers(values), EventValues::Decimal(value)) => values.push(value(row).1),
+                    (Values::Numbers(values), EventValues::Contact(value)) => {
+                        values.push(value(contact).unwrap_or(f64::NAN));
+                    }
+                    _ => unreachable!("a column keeps the kind of its values"),
+                }
             }
-            self.columns.iter_mut().zip(cells).for_each(|(values, cell)| values.push(cell));
             self.exact.push(row.t.clone());
         }
     }
@@ -94,19 +98,15 @@ impl Events {
             Ok(match values {
                 Values::Whole(values) => Arc::new(Int64Array::from(values)),
                 Values::Numbers(values) => {
-                    let absent = values.iter().map(|value| !value.is_nan()).collect::<Vec<bool>>();
-                    Arc::new(Float64Array::new(values.into(), Some(absent.into())))
+                    let present = values.iter().map(|value| !value.is_nan()).collect::<Vec<bool>>();
+                    Arc::new(Float64Array::new(values.into(), Some(present.into())))
                 }
-                Values::Words { places, words, .. } => {
+                Values::Words(Words { places, words, .. }) => {
                     Arc::new(DictionaryArray::<Int16Type>::try_new(places.into(), Arc::new(StringArray::from(words)))?)
                 }
             })
         });
         let arrays = arrays.collect::<Result<Vec<_>, _>>()?;
-        if arrays.is_empty() {
-            let fields: Vec<Field> = names.map(|name| Field::new(name, DataType::Float64, true)).collect();
-            return Ok(Self { table: RecordBatch::new_empty(Arc::new(Schema::new(fields))), exact });
-        }
         Ok(Self {
             table: RecordBatch::try_from_iter_with_nullable(names.zip(arrays).map(|(n, a)| (n, a, true)))?,
             exact,

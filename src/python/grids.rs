@@ -1,6 +1,9 @@
 //! Work over many points: sweeps, maps, basins. They write the files of the command, and return the table.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+};
 
 use numpy::ToPyArray;
 use pyo3::prelude::*;
@@ -11,7 +14,7 @@ use flank::{
     output::Fault,
     plot::Print,
     study::{SteadySweep, steady::Rule},
-    sweep::{Begin, Ending, Grid, Plan, Seeding, Share},
+    sweep::{Begin, Ending, Grid, Plan, Records, Seeding, Share},
 };
 
 use crate::{error::raised, scene::Scene, work::pooled};
@@ -41,54 +44,79 @@ fn tabled<'py>(
 ) -> PyResult<Table<'py>> {
     let GridSettings { out, replace, threads, progress } = settings;
     let begin = if replace { Begin::Replace } else { Begin::Resume };
-    let done = pooled(py, threads, progress, |task| work(&out, begin, task))?;
-    if done.result.map_err(raised)? == Ending::Interrupted {
-        return Ok((Vec::new(), done.cancelled));
+    let done = pooled(py, threads, progress, |task| match work(&out, begin, task)? {
+        Ending::Complete => read(&out.join(table), words).map(Some),
+        _ => Ok(None),
+    })?;
+    let read = done.result.map_err(raised)?;
+    match (read, done.cancelled) {
+        (_, Some(cancelled)) => Ok((Vec::new(), Some(cancelled))),
+        (None, None) => {
+            Err(raised(Error::Unread(out.display().to_string(), std::io::Error::other("the work is not complete"))))
+        }
+        (Some(columns), None) => {
+            let column = |(name, cells)| match cells {
+                Cells::Numbers(values) => (name, values.to_pyarray(py).into_any(), None),
+                Cells::Words { places, words, .. } => (name, places.to_pyarray(py).into_any(), Some(words)),
+            };
+            Ok((columns.into_iter().map(column).collect(), None))
+        }
     }
-    Ok((columns(py, &out.join(table), words)?, None))
 }
 
 /// Values of a column.
 enum Cells {
     Numbers(Vec<f64>),
-    Words(Vec<i32>, Vec<String>),
+    /// Places in a list of words.
+    Words {
+        places: Vec<i32>,
+        words: Vec<String>,
+        known: HashMap<String, i32>,
+    },
 }
 
-/// Reads a table. A column without words is an array of numbers, in which an empty cell is NaN.
-fn columns<'py>(py: Python<'py>, path: &Path, words: &[&str]) -> PyResult<Vec<Column<'py>>> {
-    let unread = |error: csv::Error| raised(Error::Unread(path.display().to_string(), error.into()));
-    let mut reader = csv::Reader::from_path(path).map_err(unread)?;
-    let names: Vec<String> = reader.headers().map_err(unread)?.iter().map(str::to_owned).collect();
+/// Reads a table. A column without words holds numbers; an empty cell of it is NaN.
+fn read(path: &Path, words: &[&str]) -> Result<Vec<(String, Cells)>, Error> {
+    let unread = |error: std::io::Error| Error::Unread(path.display().to_string(), error);
+    let mut reader = csv::Reader::from_path(path).map_err(|error| unread(error.into()))?;
+    let names: Vec<String> =
+        reader.headers().map_err(|error| unread(error.into()))?.iter().map(str::to_owned).collect();
     let cells = |name: &String| match words.contains(&name.as_str()) {
-        true => Cells::Words(Vec::new(), Vec::new()),
+        true => Cells::Words { places: Vec::new(), words: Vec::new(), known: HashMap::new() },
         false => Cells::Numbers(Vec::new()),
     };
     let mut all: Vec<Cells> = names.iter().map(cells).collect();
     let mut row = csv::StringRecord::new();
-    while reader.read_record(&mut row).map_err(unread)? {
+    while reader.read_record(&mut row).map_err(|error| unread(error.into()))? {
         for (cells, text) in all.iter_mut().zip(&row) {
             match cells {
                 Cells::Numbers(values) => values.push(match text {
                     "true" => 1.0,
                     "false" => 0.0,
-                    text => text.parse().unwrap_or(f64::NAN),
+                    "" => f64::NAN,
+                    text => {
+                        text.parse().map_err(|_| unread(std::io::Error::other(format!("{text:?} is no number"))))?
+                    }
                 }),
-                Cells::Words(places, known) => {
-                    let place = known.iter().rposition(|word| word == text).unwrap_or_else(|| {
-                        known.push(text.to_owned());
-                        known.len() - 1
+                Cells::Words { places, words, known } => {
+                    let place = known.get(text).copied().unwrap_or_else(|| {
+                        // Exact: a table has fewer than 2³¹ rows.
+                        let place = words.len() as i32;
+                        words.push(text.to_owned());
+                        known.insert(text.to_owned(), place);
+                        place
                     });
-                    // Exact: a table has fewer than 2³¹ rows.
-                    places.push(place as i32);
+                    places.push(place);
                 }
             }
         }
     }
-    let column = |(name, cells)| match cells {
-        Cells::Numbers(values) => (name, values.to_pyarray(py).into_any(), None),
-        Cells::Words(places, words) => (name, places.to_pyarray(py).into_any(), Some(words)),
-    };
-    Ok(names.into_iter().zip(all).map(column).collect())
+    Ok(names.into_iter().zip(all).collect())
+}
+
+/// Reports the rows that an earlier call has finished.
+fn resumed(records: &Records, task: Task<'_>) {
+    (0..records.count()).for_each(|_| task.advance());
 }
 
 /// Returns the name of a scene without folder and ending, as the command writes it into figures.
@@ -134,6 +162,7 @@ pub fn sweep<'py>(
     let words = ["direction", "kind", "word", "reason", "error"];
     tabled(py, grid, ("sweep.csv", &words), |folder, begin, task| {
         let Some(mut journal) = sweep.open(folder, begin, Share::ALL)? else { return Ok(Ending::Complete) };
+        resumed(journal.records(), task);
         let ending = sweep.run(&mut journal, task)?;
         if ending == Ending::Complete {
             sweep.finish(journal, |rows, folder| {
@@ -165,6 +194,7 @@ pub fn kinds<'py>(
     let name = stem(scene.scene().name());
     tabled(py, grid, ("map.csv", &["kind", "word", "impacts", "error"]), |folder, begin, task| {
         let Some(mut rows) = map.open(folder, begin, Share::ALL)? else { return Ok(Ending::Complete) };
+        resumed(&rows, task);
         let ending = map.run(&mut rows, task)?;
         if ending == Ending::Complete {
             let (grid, dimensionless) = (map.plane().grid(), map.plane().own().dimensionless);
@@ -190,6 +220,7 @@ pub fn basins<'py>(
     tabled(py, grid, ("basins.csv", &["attractor", "error"]), |folder, begin, task| {
         let Some(mut rows) = basins.open(folder, begin, Share::ALL)? else { return Ok(Ending::Complete) };
         let Some(survey) = basins.survey(task).map_err(Error::from)? else { return Ok(Ending::Interrupted) };
+        resumed(&rows, task);
         let ending = basins.run(&mut rows, &survey, task)?;
         if ending == Ending::Complete {
             let dimensionless = basins.simulation().dimensionless;

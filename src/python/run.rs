@@ -3,10 +3,10 @@
 use std::{ops::ControlFlow, path::PathBuf, sync::Arc};
 
 use numpy::{PyArray2, PyArrayMethods, ToPyArray};
-use pyo3::prelude::*;
+use pyo3::{prelude::*, types::PyBool};
 
 use crate::{
-    error::{raised, refused},
+    error::{cancelled, raised, refused},
     events::{Collector, Events},
     work::detached,
 };
@@ -45,17 +45,19 @@ pub struct Run {
 pub fn run(py: Python<'_>, simulation: &Arc<Simulation>, settings: RunSettings) -> PyResult<Outcome> {
     let RunSettings { log, out, replace, trajectory, verify, max_events, observer, progress } = settings;
     let (mut collected, mut raised_by_observer) = (Collector::default(), None);
-    let (keeps, owned) = (log && out.is_none(), simulation.clone());
+    let owned = simulation.clone();
     let done = detached(py, progress, |task| {
         let mut rows = |row: EventRow| {
-            if keeps {
+            if log {
                 collected.take(&row);
             }
             let Some(observer) = &observer else { return ControlFlow::Continue(()) };
             let text = serde_json::to_string(&row).unwrap_or_default();
-            match Python::attach(|py| observer.call1(py, (text,))?.extract::<Option<bool>>(py)) {
-                Ok(Some(false)) => ControlFlow::Break(()),
-                Ok(_) => ControlFlow::Continue(()),
+            match Python::attach(|py| {
+                observer.call1(py, (text,)).map(|answer| answer.bind(py).is(PyBool::new(py, false)))
+            }) {
+                Ok(true) => ControlFlow::Break(()),
+                Ok(false) => ControlFlow::Continue(()),
                 Err(error) => {
                     raised_by_observer = Some(error);
                     ControlFlow::Break(())
@@ -69,13 +71,13 @@ pub fn run(py: Python<'_>, simulation: &Arc<Simulation>, settings: RunSettings) 
         job.trajectory |= trajectory;
         job.verify |= verify;
         job.max_events = job.max_events.min(max_events.unwrap_or(u64::MAX));
-        if keeps || observer.is_some() {
+        if log || observer.is_some() {
             job.rows = Some(&mut rows);
         }
         job.attempt(out.as_deref())
     });
     if let Some(error) = raised_by_observer {
-        return Err(error);
+        return Err(cancelled(py, error));
     }
     let record = done.result.map_err(raised)?;
     let events = Events::new(collected, simulation.dimensionless);
@@ -92,6 +94,13 @@ impl Run {
         &self.summary
     }
 
+    /// Times of its start and of its end, s.
+    #[getter]
+    fn span(&self) -> (f64, f64) {
+        let (clock, start) = (self.simulation.clock(), self.simulation.instants()[0]);
+        (clock.time(start).value(), clock.time(self.end).value())
+    }
+
     #[getter]
     fn events(&self, py: Python<'_>) -> Py<Events> {
         self.events.clone_ref(py)
@@ -105,10 +114,9 @@ impl Run {
         times: Option<Vec<f64>>,
         per_cycle: Option<u32>,
     ) -> PyResult<(Vec<String>, Bound<'py, PyArray2<f64>>)> {
-        let (clock, start) = (self.simulation.clock(), self.simulation.instants()[0]);
+        let (clock, (from, to)) = (self.simulation.clock(), self.span());
         let grid = match (times, per_cycle) {
             (Some(times), _) => {
-                let (from, to) = (clock.time(start).value(), clock.time(self.end).value());
                 let is_inside = |t: &f64| (from..=to).contains(t);
                 if let Some(t) = times.iter().find(|t| !is_inside(t)) {
                     return Err(refused("t", format!("{t} s"), &format!("times of the run, from {from} to {to} s")));
@@ -118,16 +126,19 @@ impl Run {
                 }
                 Grid::Times(times)
             }
-            (None, Some(per_cycle)) if clock.period().is_some() && per_cycle > 0 => Grid::Phases { per_cycle },
+            (None, Some(per_cycle)) if clock.period().is_some() => Grid::Phases { per_cycle },
             _ => {
-                return Err(refused(
-                    "samples_per_cycle",
-                    "a scene without cycles, or no samples",
-                    "a forcing with a period",
-                ));
+                let allowed = "a scene whose forcing has a period; give times instead";
+                return Err(refused("samples_per_cycle", "a scene without cycles", allowed));
             }
         };
-        let (simulation, end) = (self.simulation.clone(), self.end);
+        let last = match &grid {
+            // Beyond the last time by its rounding, so that an event there is passed.
+            Grid::Times(times) => times.last().map_or(self.end, |t| clock.instant(t.next_up().next_up())),
+            _ => self.end,
+        };
+        let end = if clock.between(last, self.end) > 0.0 { last } else { self.end };
+        let simulation = self.simulation.clone();
         let done = detached(py, None, |task| simulation.sample(grid, end, task));
         if let Some(error) = done.cancelled {
             return Err(error);

@@ -235,7 +235,8 @@ impl Scene {
         Self::from_text(&text, name, folder)
     }
 
-    /// Returns the JSON pointer of the only place that has this key, such as `/train/speed_rpm` for `speed_rpm`. A pointer stands for itself.
+    /// Returns the JSON pointer of the only place that has this key, in the scene as it is given or else with its defaults, such as
+    /// `/train/speed_rpm` for `speed_rpm`. A pointer stands for itself.
     ///
     /// # Errors
     /// [`SceneError`] if no place has the key, or several have it.
@@ -243,9 +244,12 @@ impl Scene {
         if key.starts_with('/') {
             return Ok(key.to_owned());
         }
-        let mut places = Vec::new();
+        // A key that the scene gives once may be resolved at several places, as one for all meshes.
+        let (mut given, mut places) = (Vec::new(), Vec::new());
+        keys(&self.given, "", &mut given);
         keys(&self.resolved, "", &mut places);
-        let found: Vec<&String> = places.iter().filter(|(name, _)| name == key).map(|(_, pointer)| pointer).collect();
+        let all = if given.iter().filter(|(name, _)| name == key).count() == 1 { &given } else { &places };
+        let found: Vec<&String> = all.iter().filter(|(name, _)| name == key).map(|(_, pointer)| pointer).collect();
         let fault = match &found[..] {
             [pointer] => return Ok((*pointer).clone()),
             [] => {

@@ -24,7 +24,7 @@ pub use error::SimulationError;
 pub use job::{Job, RunRecord};
 pub use parameter::Parameter;
 pub use report::{ContactAtStart, MeshOfTeeth, Mode, Order, Report, Share, Speed};
-pub use rows::{EVENT_COLUMNS, EventCell, EventColumn, event_head, event_lines};
+pub use rows::{EVENT_COLUMNS, EventColumn, EventValues, event_head, event_lines};
 pub use samples::SampleTable;
 pub use summary::{EndKind, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
 

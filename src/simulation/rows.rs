@@ -2,7 +2,6 @@
 
 use std::{
     borrow::Cow,
-    fmt,
     fs::File,
     io::{self, LineWriter, Write},
     ops::ControlFlow,
@@ -21,29 +20,19 @@ pub(super) struct EventRows<'a> {
     take: &'a mut dyn FnMut(EventRow) -> ControlFlow<()>,
 }
 
-/// Value of a cell of the table of events.
-#[derive(Clone, Debug, PartialEq)]
-pub enum EventCell<'a> {
-    /// A whole number.
-    Whole(i64),
-    /// A number, absent where the event has none.
-    Number(Option<f64>),
-    /// A decimal number in all its digits, and rounded to a double.
-    Decimal(&'a str, f64),
-    /// A name.
-    Word(Cow<'a, str>),
-}
-
-impl fmt::Display for EventCell<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Whole(value) => write!(f, "{value}"),
-            Self::Number(None) => Ok(()),
-            Self::Number(Some(value)) => f.write_str(&number(*value)),
-            Self::Decimal(text, _) => f.write_str(text),
-            Self::Word(word) => f.write_str(word),
-        }
-    }
+/// Values of a column, by the event of a contact and the row of its instant.
+#[derive(Clone, Copy, Debug)]
+pub enum EventValues {
+    /// Whole numbers.
+    Whole(fn(&EventRow) -> i64),
+    /// Numbers of the instant.
+    Instant(fn(&EventRow) -> f64),
+    /// Decimal numbers of the instant in all their digits, and rounded to doubles.
+    Decimal(fn(&EventRow) -> (&str, f64)),
+    /// Numbers of the contact, absent where its event has none.
+    Contact(fn(&ContactEvent) -> Option<f64>),
+    /// Names.
+    Word(fn(&ContactEvent) -> Cow<'_, str>),
 }
 
 /// Column of the table of events, which has a line for each contact of each instant.
@@ -52,7 +41,7 @@ pub struct EventColumn {
     name: &'static str,
     /// End of the name that gives the unit.
     unit: &'static str,
-    cell: for<'a> fn(&'a EventRow, &'a ContactEvent) -> EventCell<'a>,
+    values: EventValues,
 }
 
 impl EventColumn {
@@ -62,44 +51,51 @@ impl EventColumn {
         format!("{}{}", self.name, if is_dimensionless { "" } else { self.unit })
     }
 
-    /// Returns the value of `contact` at the instant of `row`.
+    /// Returns its values.
     #[must_use]
-    pub fn cell<'a>(&self, row: &'a EventRow, contact: &'a ContactEvent) -> EventCell<'a> {
-        (self.cell)(row, contact)
+    pub fn values(&self) -> EventValues {
+        self.values
+    }
+
+    /// Returns the cell of `contact` at the instant of `row`.
+    fn cell(&self, row: &EventRow, contact: &ContactEvent) -> String {
+        match self.values {
+            Whole(value) => value(row).to_string(),
+            Instant(value) => number(value(row)),
+            Decimal(value) => value(row).0.to_owned(),
+            Contact(value) => value(contact).map_or_else(String::new, number),
+            Word(word) => word(contact).into_owned(),
+        }
     }
 }
 
-const fn column(
-    name: &'static str,
-    unit: &'static str,
-    cell: for<'a> fn(&'a EventRow, &'a ContactEvent) -> EventCell<'a>,
-) -> EventColumn {
-    EventColumn { name, unit, cell }
-}
+use EventValues::{Contact, Decimal, Instant, Whole, Word};
 
-use EventCell::{Decimal, Number, Whole, Word};
+const fn column(name: &'static str, unit: &'static str, values: EventValues) -> EventColumn {
+    EventColumn { name, unit, values }
+}
 
 /// Columns of the table of events.
 pub const EVENT_COLUMNS: [EventColumn; 18] = [
     // Exact: a run has fewer than 2⁶³ events.
-    column("index", "", |row, _| Whole(row.index as i64)),
-    column("cycle", "", |row, _| Whole(row.n)),
-    column("phase", "_s", |row, _| Number(Some(row.phase))),
-    column("t", "_s", |row, _| Decimal(&row.t, row.seconds)),
-    column("uncertainty", "_s", |row, _| Number(Some(row.uncertainty))),
-    column("contact", "", |_, c| Word(Cow::Borrowed(&c.name))),
-    column("kind", "", |_, c| Word(Cow::Owned(label(c.kind)))),
-    column("from", "", |_, c| Word(Cow::Borrowed(c.from))),
-    column("to", "", |_, c| Word(Cow::Borrowed(c.to))),
-    column("deflection", "_m", |_, c| Number(Some(c.deflection))),
-    column("velocity", "_m_per_s", |_, c| Number(Some(c.velocity))),
-    column("approach", "_m_per_s", |_, c| Number(c.approach)),
-    column("release", "_m_per_s", |_, c| Number(c.release)),
-    column("duration", "_s", |_, c| Number(c.duration)),
-    column("peak_force", "_n", |_, c| Number(c.peak_force)),
-    column("impulse", "_n_s", |_, c| Number(c.impulse)),
-    column("energy_lost", "_j", |_, c| Number(c.energy_lost)),
-    column("restitution", "", |_, c| Number(c.restitution)),
+    column("index", "", Whole(|row| row.index as i64)),
+    column("cycle", "", Whole(|row| row.n)),
+    column("phase", "_s", Instant(|row| row.phase)),
+    column("t", "_s", Decimal(|row| (&row.t, row.seconds))),
+    column("uncertainty", "_s", Instant(|row| row.uncertainty)),
+    column("contact", "", Word(|c| Cow::Borrowed(&c.name))),
+    column("kind", "", Word(|c| Cow::Owned(label(c.kind)))),
+    column("from", "", Word(|c| Cow::Borrowed(c.from))),
+    column("to", "", Word(|c| Cow::Borrowed(c.to))),
+    column("deflection", "_m", Contact(|c| Some(c.deflection))),
+    column("velocity", "_m_per_s", Contact(|c| Some(c.velocity))),
+    column("approach", "_m_per_s", Contact(|c| c.approach)),
+    column("release", "_m_per_s", Contact(|c| c.release)),
+    column("duration", "_s", Contact(|c| c.duration)),
+    column("peak_force", "_n", Contact(|c| c.peak_force)),
+    column("impulse", "_n_s", Contact(|c| c.impulse)),
+    column("energy_lost", "_j", Contact(|c| c.energy_lost)),
+    column("restitution", "", Contact(|c| c.restitution)),
 ];
 
 /// Returns the first line of a table of events.
@@ -110,9 +106,7 @@ pub fn event_head(is_dimensionless: bool) -> String {
 
 /// Returns the lines of an instant, one for each contact with an event.
 pub fn event_lines(row: &EventRow) -> impl Iterator<Item = String> {
-    row.contacts
-        .iter()
-        .map(move |contact| csv_line(EVENT_COLUMNS.iter().map(|column| column.cell(row, contact).to_string())))
+    row.contacts.iter().map(move |contact| csv_line(EVENT_COLUMNS.iter().map(|column| column.cell(row, contact))))
 }
 
 impl<'a> EventRows<'a> {

@@ -144,7 +144,8 @@ impl Simulation {
     /// # Errors
     /// [`SimulationError`] if the run cannot start or fails. A cancelled task returns the samples up to there.
     pub fn sample(&self, grid: Grid, end: Instant, task: Task<'_>) -> Result<SampleTable, SimulationError> {
-        let (mut engine, _) = self.limited(self.start()?, self.settings.event_budget)?;
+        // The run that is sampled has passed its limit on events, or has ended before `end`.
+        let (mut engine, _) = self.limited(self.start()?, u64::MAX)?;
         let columns = Columns::new(self);
         let mut table = SampleTable { names: columns.names(), values: Vec::new() };
         let mut trajectory = Trajectory::new(&self.structure, grid, self.instants()[0], |sample: &Sample<'_>| {

@@ -100,7 +100,7 @@ impl Measures {
                 Some(measure) => measures.push(measure),
                 None => {
                     let allowed: Vec<&str> = ALL.iter().map(|measure| measure.0).collect();
-                    let fault = Fault::new("--columns", format!("{name:?}"), allowed.join(", "));
+                    let fault = Fault::new("columns", format!("{name:?}"), allowed.join(", "));
                     faults.push(fault.remedy("name one of them"));
                 }
             }

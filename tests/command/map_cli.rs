@@ -170,7 +170,7 @@ fn bad_input_is_told_with_its_place() {
     let load = "/train/mean_load=0.02:0.3:5";
     let frequency = format!("{FREQUENCY}=0.4:2:5");
     let cases: &[(&[&str], &str)] = &[
-        (&["map", PAIR, "--vary", load], "two, each with --vary"),
+        (&["map", PAIR, "--vary", load], "two of them"),
         (
             &["map", PAIR, "--vary", load, "--vary", &frequency, "--vary", "/train/damping_ratio=0.1:0.2:3"],
             "one or two",
