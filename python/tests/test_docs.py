@@ -25,7 +25,8 @@ def texts(notebook) -> list[list[str]]:
     found = []
     for cell in notebook.cells:
         if cell.cell_type == "code" and "times" not in cell.metadata.get("tags", []):
-            streams = [output.text for output in cell.outputs if output.output_type == "stream"]
+            # A slow cell sends its text in parts.
+            streams = ["".join(output.text for output in cell.outputs if output.output_type == "stream")]
             plain = [
                 output.data["text/plain"]
                 for output in cell.outputs
