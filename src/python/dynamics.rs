@@ -12,7 +12,7 @@ use flank::{
     engine::State,
     ensemble::Ensemble,
     hybrid::ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated},
-    orbit::{Image, Lyapunov, Search, Section as LibrarySection, SectionMap as Map, components},
+    orbit::{Image, Lyapunov, Search, Section, SectionMap as Map, components},
     simulation::Parameter,
     study::rattle::{LoadThreshold, Loss},
 };
@@ -20,11 +20,11 @@ use flank::{
 use crate::{
     error::{alarm, raised, refused},
     scene::Scene,
-    work::{Done, pooled},
+    work::{WorkResult, pooled},
 };
 
 /// Returns the result of work without a partial one: the exception that cancelled it comes first.
-fn whole<T, E: Into<Error>>(done: Done<Result<T, E>>) -> PyResult<T> {
+fn whole<T, E: Into<Error>>(done: WorkResult<Result<T, E>>) -> PyResult<T> {
     match done.cancelled {
         Some(cancelled) => Err(cancelled),
         None => done.result.map_err(raised),
@@ -37,12 +37,12 @@ fn matrix<'py>(py: Python<'py>, rows: &[f64], width: usize) -> PyResult<Bound<'p
 }
 
 /// State at the start of a cycle.
-#[pyclass(frozen, module = "flank._flank")]
+#[pyclass(frozen, name = "Section", module = "flank._flank")]
 #[derive(Clone)]
-pub struct Section(LibrarySection);
+pub struct PythonSection(Section);
 
 #[pymethods]
-impl Section {
+impl PythonSection {
     /// The state: coordinates, velocities, latched speeds, `[dim]`.
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -67,8 +67,14 @@ pub struct SectionMap {
 }
 
 /// Image of a section: its end, the states after each cycle, the derivatives by state and by numbers, the word, further facts as JSON text.
-type ImageParts<'py> =
-    (Section, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<String>, String);
+type ImageParts<'py> = (
+    PythonSection,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Vec<String>,
+    String,
+);
 
 #[pymethods]
 impl SectionMap {
@@ -104,14 +110,14 @@ impl SectionMap {
     }
 
     /// Returns the section at which the scene starts.
-    fn start(&self) -> PyResult<Section> {
-        Map::new(&self.simulation).and_then(|map| map.start()).map(Section).map_err(raised)
+    fn start(&self) -> PyResult<PythonSection> {
+        Map::new(&self.simulation).and_then(|map| map.start()).map(PythonSection).map_err(raised)
     }
 
     /// Returns the section at coordinates and velocities, `[2n]`, or at a whole state, `[dim]`. Contacts are in the states `contacts`; by
     /// default they are open or closed by their deflections.
     #[pyo3(signature = (x, contacts=None))]
-    fn section(&self, x: PyReadonlyArray1<'_, f64>, contacts: Option<Vec<String>>) -> PyResult<Section> {
+    fn section(&self, x: PyReadonlyArray1<'_, f64>, contacts: Option<Vec<String>>) -> PyResult<PythonSection> {
         let x: Vec<f64> = x.as_array().to_vec();
         let (n, dim) = (self.simulation.structure.freedoms(), components(&self.simulation).len());
         if x.len() != 2 * n && x.len() != dim {
@@ -132,20 +138,20 @@ impl SectionMap {
                 refused("contacts", format!("{names:?}"), "the state of each contact, as those of a section")
             })?;
         }
-        Ok(Section(section))
+        Ok(PythonSection(section))
     }
 
     /// Returns the section after some cycles.
-    fn follow(&self, py: Python<'_>, section: &Section, cycles: u64) -> PyResult<Section> {
+    fn follow(&self, py: Python<'_>, section: &PythonSection, cycles: u64) -> PyResult<PythonSection> {
         let done = pooled(py, Some(1), None, |_| Map::new(&self.simulation)?.follow(&section.0, cycles))?;
-        Ok(Section(whole(done)?))
+        Ok(PythonSection(whole(done)?))
     }
 
     /// Returns the image of a section after some cycles, with its derivatives by the state and by numbers of the scene.
     fn image<'py>(
         &self,
         py: Python<'py>,
-        section: &Section,
+        section: &PythonSection,
         cycles: u64,
         pointers: Vec<String>,
     ) -> PyResult<ImageParts<'py>> {
@@ -164,7 +170,7 @@ impl SectionMap {
         let row_major = |of: &flank::nalgebra::DMatrix<f64>| of.transpose().as_slice().to_vec();
         let dim = end.x.len();
         Ok((
-            Section(end),
+            PythonSection(end),
             matrix(py, &rows, dim)?,
             matrix(py, &row_major(&jacobian), dim)?,
             row_major(&by_number).to_pyarray(py).reshape([dim, pointers.len()])?,

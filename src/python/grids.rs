@@ -33,7 +33,7 @@ pub struct GridSettings {
 }
 
 /// Columns of the table, and the exception that interrupted the work; then there is no table.
-type Table<'py> = (Vec<Column<'py>>, Option<PyErr>);
+type GridTable<'py> = (Vec<Column<'py>>, Option<PyErr>);
 
 /// Does work in a folder, and reads the table that it writes there. `words` are the columns that have words even where they are empty.
 fn tabled<'py>(
@@ -41,7 +41,7 @@ fn tabled<'py>(
     settings: GridSettings,
     (table, words): (&str, &[&str]),
     work: impl FnOnce(&Path, Begin, Task<'_>) -> Result<Ending, Error> + Send,
-) -> PyResult<Table<'py>> {
+) -> PyResult<GridTable<'py>> {
     let GridSettings { out, replace, threads, progress } = settings;
     let begin = if replace { Begin::Replace } else { Begin::Resume };
     let done = pooled(py, threads, progress, |task| match work(&out, begin, task)? {
@@ -143,7 +143,7 @@ pub fn sweep<'py>(
     axes: Vec<String>,
     settings: SweepSettings,
     grid: GridSettings,
-) -> PyResult<Table<'py>> {
+) -> PyResult<GridTable<'py>> {
     let SweepSettings { seed, columns, tolerance, max_cycles, measure_cycles } = settings;
     let seeding: Seeding = serde_json::from_value(seed.as_str().into()).map_err(|_| {
         let allowed = "fresh, up, down or both";
@@ -189,7 +189,7 @@ pub fn kinds<'py>(
     columns: Vec<String>,
     cycles: (u64, u64),
     grid: GridSettings,
-) -> PyResult<Table<'py>> {
+) -> PyResult<GridTable<'py>> {
     let map = KindMap::new(scene.scene().clone(), &axes, rule(cycles), &columns).map_err(raised)?;
     let name = stem(scene.scene().name());
     tabled(py, grid, ("map.csv", &["kind", "word", "impacts", "error"]), |folder, begin, task| {
@@ -214,7 +214,7 @@ pub fn basins<'py>(
     axes: Vec<String>,
     cycles: (u64, u64),
     grid: GridSettings,
-) -> PyResult<Table<'py>> {
+) -> PyResult<GridTable<'py>> {
     let basins = Basins::new(scene.scene().clone(), &axes, rule(cycles)).map_err(raised)?;
     let name = stem(scene.scene().name());
     tabled(py, grid, ("basins.csv", &["attractor", "error"]), |folder, begin, task| {

@@ -17,10 +17,10 @@ use pyo3::prelude::*;
 mod _flank {
     #[pymodule_export]
     use super::{
-        dynamics::{Section, SectionMap, branches, exponents, orbits, sections, threshold},
+        dynamics::{PythonSection, SectionMap, branches, exponents, orbits, sections, threshold},
         events::Events,
         grids::{basins, kinds, sweep},
-        run::Run,
+        run::PythonRun,
         scene::Scene,
     };
 

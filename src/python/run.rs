@@ -30,11 +30,11 @@ pub struct RunSettings {
 }
 
 /// Record of a run, and the exception of a failed or interrupted one.
-pub type Outcome = (Run, Option<PyErr>);
+pub type RunAndFailure = (PythonRun, Option<PyErr>);
 
 /// Record of a run.
-#[pyclass(frozen, module = "flank._flank")]
-pub struct Run {
+#[pyclass(frozen, name = "Run", module = "flank._flank")]
+pub struct PythonRun {
     simulation: Arc<Simulation>,
     summary: String,
     events: Py<Events>,
@@ -42,7 +42,7 @@ pub struct Run {
 }
 
 /// Runs a simulation. An exception of the observer is raised after the end of the run.
-pub fn run(py: Python<'_>, simulation: &Arc<Simulation>, settings: RunSettings) -> PyResult<Outcome> {
+pub fn run(py: Python<'_>, simulation: &Arc<Simulation>, settings: RunSettings) -> PyResult<RunAndFailure> {
     let RunSettings { log, out, replace, trajectory, verify, max_events, observer, progress } = settings;
     let (mut collected, mut raised_by_observer) = (Collector::default(), None);
     let owned = simulation.clone();
@@ -84,11 +84,11 @@ pub fn run(py: Python<'_>, simulation: &Arc<Simulation>, settings: RunSettings) 
     let events = Py::new(py, events.map_err(|error| raised(Error::file("events", std::io::Error::other(error))))?)?;
     let summary = serde_json::to_string(&record.summary).unwrap_or_default();
     let failure = done.cancelled.or_else(|| record.failure.map(raised));
-    Ok((Run { simulation: simulation.clone(), summary, events, end: record.end.at }, failure))
+    Ok((PythonRun { simulation: simulation.clone(), summary, events, end: record.end.at }, failure))
 }
 
 #[pymethods]
-impl Run {
+impl PythonRun {
     /// Summary as JSON text.
     fn summary(&self) -> &str {
         &self.summary

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::{
     error::raised,
-    run::{Outcome, RunSettings, run},
+    run::{RunAndFailure, RunSettings, run},
 };
 use flank::{Simulation, scene};
 
@@ -143,7 +143,7 @@ impl Scene {
     }
 
     /// Runs the scene.
-    fn run(&self, py: Python<'_>, settings: RunSettings) -> PyResult<Outcome> {
+    fn run(&self, py: Python<'_>, settings: RunSettings) -> PyResult<RunAndFailure> {
         run(py, &self.simulation()?, settings)
     }
 }

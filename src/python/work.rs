@@ -19,7 +19,7 @@ use flank::{Progress, Task};
 const PAUSE: Duration = Duration::from_millis(50);
 
 /// Result of work, and the exception that cancelled it: that of Ctrl-C, or one of the callback of its progress.
-pub struct Done<T> {
+pub struct WorkResult<T> {
     pub result: T,
     pub cancelled: Option<PyErr>,
 }
@@ -30,7 +30,7 @@ pub fn detached<T: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(Task<'_>) -> T + Send,
-) -> Done<T> {
+) -> WorkResult<T> {
     let (is_cancelled, units, share) = (AtomicBool::new(false), AtomicU64::new(0), AtomicU64::new(0));
     let report = |progress| match progress {
         Progress::Unit => {
@@ -64,7 +64,7 @@ pub fn detached<T: Send>(
             }
             let result = worker.join().unwrap_or_else(|panic| resume_unwind(panic));
             let last = if stopped.is_none() { progress.map(|progress| look(Some(&progress))) } else { None };
-            Done { result, cancelled: stopped.or(last.and_then(Result::err)) }
+            WorkResult { result, cancelled: stopped.or(last.and_then(Result::err)) }
         })
     })
 }
@@ -75,7 +75,7 @@ pub fn pooled<T: Send>(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(Task<'_>) -> T + Send,
-) -> PyResult<Done<T>> {
+) -> PyResult<WorkResult<T>> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
     let pool = pool.map_err(|error| raised(flank::Error::file("threads", std::io::Error::other(error))))?;
     Ok(detached(py, progress, |task| pool.install(|| work(task))))

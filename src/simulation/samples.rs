@@ -37,15 +37,15 @@ pub fn sample_grid(simulation: &Simulation) -> Grid {
     Grid::Interval { interval: run.period.map_or(span / PER_RUN, |period| period / per_cycle as f64) }
 }
 
-/// Columns of samples: time, cycle, phase, coordinates, velocities, and deflection and force of each contact.
-struct Columns<'s> {
+/// SampleColumns of samples: time, cycle, phase, coordinates, velocities, and deflection and force of each contact.
+struct SampleColumns<'s> {
     structure: &'s Structure,
     /// Coordinate pairs in a rotating plane, and its speed, rad/s; empty for output in the frame of the equations.
     turning: Vec<[usize; 2]>,
     speed: f64,
 }
 
-impl<'s> Columns<'s> {
+impl<'s> SampleColumns<'s> {
     fn new(simulation: &'s Simulation) -> Self {
         let structure = &simulation.structure;
         let freedoms = &structure.spec().freedoms;
@@ -96,14 +96,14 @@ impl<'s> Columns<'s> {
 
 /// Writer of samples.
 pub struct SampleFile<'s> {
-    columns: Columns<'s>,
+    columns: SampleColumns<'s>,
     file: BufWriter<File>,
     error: Option<std::io::Error>,
 }
 
 impl<'s> SampleFile<'s> {
     pub fn new(simulation: &'s Simulation, mut file: BufWriter<File>) -> Self {
-        let columns = Columns::new(simulation);
+        let columns = SampleColumns::new(simulation);
         let error = writeln!(file, "{}", csv_line(columns.names())).err();
         Self { columns, file, error }
     }
@@ -146,7 +146,7 @@ impl Simulation {
     pub fn sample(&self, grid: Grid, end: Instant, task: Task<'_>) -> Result<SampleTable, SimulationError> {
         // The run that is sampled has passed its limit on events, or has ended before `end`.
         let (mut engine, _) = self.limited(self.start()?, u64::MAX)?;
-        let columns = Columns::new(self);
+        let columns = SampleColumns::new(self);
         let mut table = SampleTable { names: columns.names(), values: Vec::new() };
         let mut trajectory = Trajectory::new(&self.structure, grid, self.instants()[0], |sample: &Sample<'_>| {
             // Exact: a run has fewer than 2⁵³ cycles.

@@ -234,7 +234,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("output", 590),
     ("plot", 2440),
     ("poly", 1400),
-    ("python", 1200),
+    ("python", 1300),
     ("scene", 4860),
     ("simulation", 2330),
     ("study", 9670),
