@@ -12,7 +12,7 @@ import numpy as np
 
 from . import _flank
 from ._arguments import refuse, warn, whole_or_none
-from ._errors import Fault
+from ._errors import Fault, SceneError
 from ._records import Record
 from ._run import Run
 
@@ -194,11 +194,17 @@ class Scene:
             For an unknown key, with a suggestion, or if the scene is invalid with these values.
         """
         changed: dict[str, str] = {}
+        faults: list[Fault] = []
         for key, value in [*(values or {}).items(), *keys.items()]:
-            pointer = self.pointer(key)
-            if pointer in changed:
-                raise refuse(Fault(pointer, "two values", "one value", "give the number once, by key or by pointer"))
-            changed[pointer] = _json(value, pointer)
+            try:
+                pointer = self.pointer(key)
+                if pointer in changed:
+                    raise refuse(Fault(pointer, "two values", "one value", "give the number once, by key or by pointer"))
+                changed[pointer] = _json(value, pointer)
+            except SceneError as error:
+                faults += error.faults
+        if faults:
+            raise refuse(*faults)
         return Scene(self._core.with_all(list(changed.items())))
 
     def run(

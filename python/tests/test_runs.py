@@ -112,12 +112,12 @@ def test_keys_are_found_and_unknown_ones_refused(spur):
     assert spur.pointer("speed_rpm") == "/train/speed_rpm"
     assert spur.with_(speed_rpm=1800).resolved["train"]["speed_rpm"] == 1800
     with pytest.raises(flank.SceneError, match="speed_rpm") as error:
-        spur.with_(speed_rmp=1800, cycles=5)
-    (fault,) = error.value.faults
-    assert fault.pointer == "speed_rmp" and "speed_rpm" in fault.remedy
+        spur.with_(speed_rmp=1800, cycles=5, torqe_nm=3)
+    assert [fault.pointer for fault in error.value.faults] == ["speed_rmp", "torqe_nm"]
+    assert ["speed_rpm" in error.value.faults[0].remedy, "torque_nm" in error.value.faults[1].remedy] == [True, True]
     with pytest.raises(flank.SceneError) as error:
         spur.with_({"/run/cycles": -1, "/train/torque_nm": "much"})
-    assert [fault.pointer for fault in error.value.faults] == ["/train/torque_nm", "/run/cycles"] or len(error.value.faults) == 2
+    assert {fault.pointer for fault in error.value.faults} == {"/train/torque_nm", "/run/cycles"}
 
 
 def test_a_dictionary_has_the_faults_of_a_file(tmp_path):
@@ -330,10 +330,12 @@ def test_values_that_contradict_or_have_no_place_are_refused(pair):
         pair.with_({"/train/mean_load": 3}, mean_load=4)
     with pytest.raises(flank.SceneError, match="/train/mean_load"):
         pair.with_({"train/mean_load": 3})
-    with pytest.raises(flank.SceneError, match=r"load_n\[1\]|mass_kg"):
+    with pytest.raises(flank.SceneError, match="at /train/mass_kg/1"):
         flank.Matrices([1, np.nan], run={"cycles": 20})
     with pytest.raises(flank.SceneError, match="initial"):
         pair.with_({"/initial": {"q": [Decimal(1)]}})
+    with pytest.raises(flank.SceneError, match="at /run/cycles"):
+        pair.with_(cycles=10**400)
     with pytest.raises(flank.SceneError, match="scene"):
         flank.sweep("spur-pair.json", mean_load=[1, 2])
 

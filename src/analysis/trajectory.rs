@@ -54,12 +54,17 @@ pub struct Trajectory<F> {
 }
 
 impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
-    /// Returns samples from `from` on. Without a period a [`Grid::Phases`] has no phases and gives no sample.
+    /// Returns samples from `from` on; earlier times of a list give none. Without a period a [`Grid::Phases`] has no phases and gives none.
     #[must_use]
     pub fn new(system: &dyn HybridSystem, grid: Grid, from: Instant, row: F) -> Self {
         let clock = *system.clock();
         let x = vec![0.0; system.dim()];
         let mut trajectory = Self { clock, grid, origin: from, number: 0, emitted: 0, x, row };
+        if let Grid::Times(times) = &trajectory.grid {
+            let start = clock.time(from).value();
+            // Exact: a list in memory is shorter.
+            trajectory.number = times.partition_point(|t| *t < start) as i64;
+        }
         if let (&Grid::Phases { per_cycle }, Some(period)) = (&trajectory.grid, clock.period()) {
             let estimate = (from.phase.hi / period.hi * f64::from(per_cycle)).floor() as i64;
             trajectory.number = from.cycle * i64::from(per_cycle) + estimate - 1;
@@ -100,11 +105,11 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
 
     /// Adds the sample at the end of a run, if one is due there.
     pub fn finish(&mut self, state: &State) -> ControlFlow<()> {
-        let is_due = |grid: &Grid, number: i64, at: Instant, clock: &Clock| match grid {
-            Grid::Times(times) => times[number as usize] <= clock.time(state.at).value(),
-            _ => clock.between(at, state.at) >= 0.0,
+        let is_reached = |samples: &Self, at: &Instant| match &samples.grid {
+            Grid::Times(times) => times[samples.number as usize] <= samples.clock.time(state.at).value(),
+            _ => samples.clock.between(*at, state.at) >= 0.0,
         };
-        while let Some(at) = self.due().filter(|at| is_due(&self.grid, self.number, *at, &self.clock)) {
+        while let Some(at) = self.due().filter(|at| is_reached(self, at)) {
             self.x.copy_from_slice(&state.x);
             self.emit(at, &state.jump.mode)?;
         }

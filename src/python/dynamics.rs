@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
@@ -32,8 +32,9 @@ fn whole<T, E: Into<Error>>(done: WorkResult<Result<T, E>>) -> PyResult<T> {
 }
 
 /// Returns an array of rows of one length.
-fn matrix<'py>(py: Python<'py>, rows: &[f64], width: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    rows.to_pyarray(py).reshape([rows.len() / width.max(1), width])
+fn matrix<'py>(py: Python<'py>, rows: Vec<f64>, width: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let height = rows.len() / width.max(1);
+    rows.into_pyarray(py).reshape([height, width])
 }
 
 /// State at the start of a cycle.
@@ -171,9 +172,9 @@ impl SectionMap {
         let dim = end.x.len();
         Ok((
             PythonSection(end),
-            matrix(py, &rows, dim)?,
-            matrix(py, &row_major(&jacobian), dim)?,
-            row_major(&by_number).to_pyarray(py).reshape([dim, pointers.len()])?,
+            matrix(py, rows, dim)?,
+            matrix(py, row_major(&jacobian), dim)?,
+            row_major(&by_number).into_pyarray(py).reshape([dim, pointers.len()])?,
             word,
             facts.to_string(),
         ))
@@ -259,7 +260,7 @@ pub fn sections<'py>(
         Ok::<_, Error>((states, failures))
     })?;
     let (states, failures) = whole(done)?;
-    Ok((states.to_pyarray(py).reshape([members, count, dim])?, failures))
+    Ok((states.into_pyarray(py).reshape([members, count, dim])?, failures))
 }
 
 /// Searches for orbits. Returns the content of `orbit.json`.
@@ -349,15 +350,15 @@ pub fn branches<'py>(
             })
         });
         let numbers =
-            |of: fn(&flank::branch::BranchPoint) -> f64| points.iter().map(of).collect::<Vec<_>>().to_pyarray(py);
+            |of: fn(&flank::branch::BranchPoint) -> f64| points.iter().map(of).collect::<Vec<_>>().into_pyarray(py);
         Ok((
             branch.level,
             numbers(|point| point.value),
-            points.iter().map(|point| point.period).collect::<Vec<_>>().to_pyarray(py),
+            points.iter().map(|point| point.period).collect::<Vec<_>>().into_pyarray(py),
             points.iter().map(|point| point.word.clone()).collect(),
             points.iter().map(|point| point.is_stable).collect(),
             numbers(|point| point.multiplier),
-            matrix(py, &states, dim)?,
+            matrix(py, states, dim)?,
             numbers(|point| point.residual),
             branch.ends.clone(),
             json!({ "specials": specials.collect::<Vec<_>>(), "unlocated": branch.unlocated }).to_string(),

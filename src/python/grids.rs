@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use numpy::ToPyArray;
+use numpy::IntoPyArray;
 use pyo3::prelude::*;
 
 use flank::{
@@ -56,8 +56,8 @@ fn tabled<'py>(
         }
         (Some(columns), None) => {
             let column = |(name, cells)| match cells {
-                Cells::Numbers(values) => (name, values.to_pyarray(py).into_any(), None),
-                Cells::Words { places, words, .. } => (name, places.to_pyarray(py).into_any(), Some(words)),
+                Cells::Numbers(values) => (name, values.into_pyarray(py).into_any(), None),
+                Cells::Words { places, words, .. } => (name, places.into_pyarray(py).into_any(), Some(words)),
             };
             Ok((columns.into_iter().map(column).collect(), None))
         }

@@ -2,7 +2,7 @@
 
 use std::{ops::ControlFlow, path::PathBuf, sync::Arc};
 
-use numpy::{PyArray2, PyArrayMethods, ToPyArray};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::{prelude::*, types::PyBool};
 
 use crate::{
@@ -145,7 +145,8 @@ impl PythonRun {
         }
         let table = done.result.map_err(raised)?;
         let width = table.names.len();
-        let values = table.values.to_pyarray(py).reshape([table.values.len() / width, width])?;
+        let height = table.values.len() / width;
+        let values = table.values.into_pyarray(py).reshape([height, width])?;
         Ok((table.names, values))
     }
 }

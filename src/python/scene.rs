@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use serde_json::Value;
 
 use crate::{
-    error::raised,
+    error::{raised, refused},
     run::{RunAndFailure, RunSettings, run},
 };
 use flank::{Simulation, scene};
@@ -123,23 +123,16 @@ impl Scene {
         self.scene.pointer(key).map_err(raised)
     }
 
-    /// Returns the scene with other values, JSON text each, at keys or pointers.
+    /// Returns the scene with other values, JSON text each, at JSON pointers.
     fn with_all(&self, values: Vec<(String, String)>) -> PyResult<Self> {
-        let mut faults = Vec::new();
         let mut changed = Vec::new();
-        for (key, text) in values {
-            match self.scene.pointer(&key) {
-                Ok(pointer) => changed.push((pointer, serde_json::from_str(&text).unwrap_or(Value::String(text)))),
-                Err(error) => faults.extend(error.faults),
-            }
+        for (pointer, text) in &values {
+            let value: Value = serde_json::from_str(text).map_err(|error| {
+                refused(pointer, format!("{text} ({error})"), "a value of JSON, numbers within doubles")
+            })?;
+            changed.push((pointer.as_str(), value));
         }
-        if !faults.is_empty() {
-            return Err(raised(scene::SceneError { name: self.scene.name().to_owned(), faults }));
-        }
-        let changed = changed.iter().map(|(pointer, value)| (pointer.as_str(), value.clone()));
-        let scene = self.scene.with_all(changed).map_err(raised)?;
-        let file = self.file.clone();
-        Ok(Self::of(scene, file))
+        Ok(Self::of(self.scene.with_all(changed).map_err(raised)?, self.file.clone()))
     }
 
     /// Runs the scene.

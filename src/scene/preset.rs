@@ -147,11 +147,11 @@ fn share(train: &mut Map<String, Value>) {
     });
 }
 
-/// Writes `top` over `base`.
+/// Writes `top` over `base`. Keys of `top` that exclude each other are kept, for the check to refuse.
 fn overlay(base: &mut Map<String, Value>, top: &Map<String, Value>) {
     for (key, value) in top {
         for group in ALTERNATIVES.iter().filter(|group| group.contains(&key.as_str())) {
-            group.iter().filter(|other| *other != key).for_each(|other| {
+            group.iter().filter(|other| !top.contains_key(**other)).for_each(|other| {
                 base.remove(*other);
             });
         }

@@ -69,7 +69,7 @@ impl Parameter {
             return Ok(parameter);
         }
         let found = format!("a range without the scene's own value, {value}");
-        Err(Fault::new(&place, found, "FROM:TO around it: the first orbit is that of the scene"))
+        Err(Fault::new(&place, found, "a range around it: the first orbit is that of the scene"))
     }
 
     /// Returns the pointer of the first number.

@@ -37,7 +37,7 @@ pub fn sample_grid(simulation: &Simulation) -> Grid {
     Grid::Interval { interval: run.period.map_or(span / PER_RUN, |period| period / per_cycle as f64) }
 }
 
-/// SampleColumns of samples: time, cycle, phase, coordinates, velocities, and deflection and force of each contact.
+/// Columns of samples: time, cycle, phase, coordinates, velocities, and deflection and force of each contact.
 struct SampleColumns<'s> {
     structure: &'s Structure,
     /// Coordinate pairs in a rotating plane, and its speed, rad/s; empty for output in the frame of the equations.
@@ -142,8 +142,14 @@ impl Simulation {
     /// after it. Times before the start give no sample. Nothing else is measured.
     ///
     /// # Errors
-    /// [`SimulationError`] if the run cannot start or fails. A cancelled task returns the samples up to there.
+    /// [`SimulationError::Missing`] for times in another order than rising; [`SimulationError`] if the run cannot start or fails. A cancelled
+    /// task returns the samples up to there.
     pub fn sample(&self, grid: Grid, end: Instant, task: Task<'_>) -> Result<SampleTable, SimulationError> {
+        if let Grid::Times(times) = &grid
+            && !times.is_sorted()
+        {
+            return Err(self.missing("the times of its samples are not in rising order"));
+        }
         // The run that is sampled has passed its limit on events, or has ended before `end`.
         let (mut engine, _) = self.limited(self.start()?, u64::MAX)?;
         let columns = SampleColumns::new(self);

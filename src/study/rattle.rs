@@ -152,7 +152,7 @@ impl LoadThreshold {
         if scene.built().spec.contacts.iter().any(|contact| contact.law.is_rigid()) {
             let found = "a rigid contact, which rests on its flank without a margin";
             let fault = Fault::new("/train", found, "compliant contact laws");
-            return Err(refused(fault.remedy("give the contact a stiffness, or use flank sweep")));
+            return Err(refused(fault.remedy("give the contact a stiffness, or use a sweep")));
         }
         let mut search = RattleSearch { scene, pointer: &pointer, range, loss: by, rule: Rule::default() };
         let mut threshold = search.run(task)?;

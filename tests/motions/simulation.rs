@@ -10,7 +10,8 @@ use std::{
 };
 
 use flank::{
-    Progress, Simulation, Task,
+    Error, Progress, Simulation, Task,
+    analysis::Grid,
     engine::Observer,
     event::EventRecord,
     gear::{Stiffness, contact::Law, contact::Rigid},
@@ -234,4 +235,62 @@ fn a_hysteretic_contact_that_starts_at_rest_on_its_flank_is_warned_of() {
     for (q, v, hysteresis) in [(0.0, 0.3, 0.5), (0.0, 0.0, 0.0), (-0.1, 0.0, 0.5), (0.1, 0.0, 0.5)] {
         assert!(warned(q, v, hysteresis).is_empty(), "{q} {v} {hysteresis}");
     }
+}
+
+/// A falling ball is at 1 − g t²/2 until it strikes at √(2/g), and leaves with 0.8 of its speed.
+#[test]
+fn samples_are_the_motion_at_their_times_and_after_an_impact_at_its_time() {
+    let simulation = Simulation::from_json(&ball(1.0)).unwrap();
+    let strike = (2.0f64 / 9.81).sqrt();
+    let end = simulation.instants()[2];
+    let sample = |times: &[f64]| simulation.sample(Grid::Times(times.to_vec()), end, Task::default());
+    let times = [0.0, 0.1, 0.2, strike.next_down().next_down(), strike, 0.6];
+    let table = sample(&times).unwrap();
+    assert_eq!(table.names[..5], ["t", "cycle", "phase", "x", "x_rate"]);
+    let rows: Vec<&[f64]> = table.values.chunks(table.names.len()).collect();
+    assert_eq!(rows.iter().map(|row| row[0]).collect::<Vec<_>>(), times);
+    // Errors of some units in the last place of lengths of 1 m and speeds of 4 m/s.
+    for row in &rows[..3] {
+        assert!((row[3] - (1.0 - 4.905 * row[0] * row[0])).abs() < 1e-14 && (row[4] + 9.81 * row[0]).abs() < 1e-14);
+    }
+    let speed = 9.81 * strike;
+    assert!((rows[3][4] + speed).abs() < 1e-13 && (rows[4][4] - 0.8 * speed).abs() < 1e-13, "{rows:?}");
+    // The end of a run belongs to it, times before the start and after the end do not, and others are refused.
+    assert_eq!(sample(&[-1.0, 0.5, 1.0, 2.0]).unwrap().values.len(), 2 * table.names.len());
+    assert!(matches!(sample(&[0.5, 0.1]), Err(SimulationError::Missing { .. })));
+    let cancelled = AtomicBool::new(true);
+    let task = Task::new(&cancelled, &|_| ());
+    assert!(simulation.sample(Grid::Times(times.to_vec()), end, task).unwrap().values.len() < table.values.len());
+}
+
+#[test]
+fn a_job_passes_its_rows_on_and_ends_where_they_say() {
+    let simulation = Simulation::from_json(&ball(5.0)).unwrap();
+    let all = simulation.run().unwrap();
+    let mut seen = Vec::new();
+    let mut take = |row| {
+        seen.push(row);
+        if seen.len() == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let mut job = simulation.job();
+    job.rows = Some(&mut take);
+    let record = job.run().unwrap();
+    assert_eq!(record.outcome.kind, EndKind::Stopped);
+    assert!(record.events.is_empty());
+    assert_eq!(seen, all.events[..3]);
+    // Without a log nothing is stored.
+    let mut job = simulation.job();
+    job.log = false;
+    let record = job.run().unwrap();
+    assert!(record.events.is_empty() && record.work == all.work);
+}
+
+#[test]
+fn every_error_becomes_one() {
+    fn failed() -> Result<(), Error> {
+        Simulation::from_json("{}")?;
+        Ok(())
+    }
+    assert!(matches!(failed(), Err(Error::Scene(error)) if !error.faults.is_empty()));
+    assert!(matches!(Error::from(OutputError::Occupied("here".into())), Error::Output(OutputError::Occupied(_))));
 }

@@ -313,6 +313,40 @@ fn a_bare_backlash_names_both_right_keys() {
 }
 
 /// All pointers of a value.
+/// A preset gives way to each key alone; two of the scene that exclude each other are refused, as without a preset.
+#[test]
+fn keys_that_exclude_each_other_are_refused_over_a_preset_too() {
+    let scene = |mesh: Value| {
+        let train = json!({ "kind": "planetary", "preset": "reference", "speed_rpm": 650, "sun_mesh": mesh });
+        Scene::from_value(json!({ "flank": 1, "train": train, "run": { "cycles": 10 } }), "preset")
+    };
+    for alone in [json!({ "half_backlash_m": 1e-5 }), json!({ "total_backlash_m": 2e-5 })] {
+        let scene = scene(alone).unwrap();
+        assert_eq!(scene.built().spec.contacts[0].half_backlash, 1e-5);
+        for other in ["half_backlash_m", "total_backlash_m"] {
+            let changed = scene.with(&format!("/train/sun_mesh/{other}"), json!(4e-5));
+            assert_eq!(changed.is_ok(), scene.given()["train"]["sun_mesh"].get(other).is_some(), "{other}");
+        }
+    }
+    let error = scene(json!({ "half_backlash_m": 1e-5, "total_backlash_m": 2e-5 })).unwrap_err();
+    assert!(error.to_string().contains("2 keys that exclude each other"), "{error}");
+}
+
+#[test]
+fn a_key_stands_for_its_only_place() {
+    let gearbox =
+        Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/examples/scenes/three-shaft-box.json")).unwrap();
+    // Given once, for all meshes, though each mesh has it in the end.
+    assert_eq!(gearbox.pointer("total_backlash_m").unwrap(), "/train/mesh/total_backlash_m");
+    assert_eq!(gearbox.pointer("/run/cycles").unwrap(), "/run/cycles");
+    // A default of the scene.
+    assert_eq!(gearbox.pointer("event_budget").unwrap(), "/run/event_budget");
+    let several = gearbox.pointer("teeth").unwrap_err().to_string();
+    assert!(several.contains("4 places") && several.contains("/train/shafts/0/gears/0/teeth"), "{several}");
+    let unknown = gearbox.pointer("speed_rmp").unwrap_err().to_string();
+    assert!(unknown.contains("did you mean \"speed_rpm\"?"), "{unknown}");
+}
+
 fn places(value: &Value, here: String, all: &mut Vec<String>) {
     match value {
         Value::Object(map) => map.iter().for_each(|(k, v)| places(v, format!("{here}/{k}"), all)),
