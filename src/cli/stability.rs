@@ -27,10 +27,11 @@ pub struct StabilityArguments {
     /// Quantity of every contact that is multiplied
     #[arg(long, value_enum, default_value = "stiffness")]
     over: Abscissa,
-    /// Factors: FROM:TO:COUNT[:log] or V1,V2,…; 1 is always among them
+    /// Factors: FROM:TO:COUNT, the same with :log for equal ratios, or V1,V2,…; 1 is always among them
     #[arg(long, value_name = "AXIS", default_value = "0.1:10:13:log")]
     factors: String,
-    /// Steps a cycle: FROM:TO:COUNT[:log], made odd, so that no change of stiffness falls on a step by chance; or V1,V2,…
+    /// Steps a cycle: FROM:TO:COUNT, the same with :log for equal ratios, or V1,V2,…; made odd, so that no change of stiffness falls on a step by
+    /// chance
     #[arg(long, value_name = "AXIS", default_value = "5:10000:15:log")]
     steps: String,
     /// Maximum number of cycles of a run

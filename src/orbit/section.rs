@@ -1,5 +1,7 @@
 //! Map of a whole number of cycles, with its derivative.
 
+use std::ops::ControlFlow;
+
 use crate::{
     engine::{Engine, Observer, Outcome, State},
     gear::Stiffness,
@@ -7,6 +9,7 @@ use crate::{
     simulation::{Simulation, SimulationError},
     system::{ContactMode, Variation},
     tangent::zeros,
+    task::Task,
 };
 use nalgebra::DMatrix;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -75,6 +78,25 @@ pub struct SectionMap<'a> {
     phase: f64,
     /// Number of steps in a cycle, and index of the first: more than one step for multiple shooting only.
     steps: [u64; 2],
+    /// Task whose cancellation ends a run.
+    task: Option<Task<'a>>,
+}
+
+/// Observer that stops a run once its task is cancelled.
+struct CancelObserver<'a>(Task<'a>);
+
+impl Observer for CancelObserver<'_> {
+    fn wants_steps(&self, _: &Mode) -> bool {
+        false
+    }
+
+    fn wants_events(&self) -> bool {
+        false
+    }
+
+    fn leap(&mut self, _: &Mode, _: f64) -> ControlFlow<()> {
+        self.0.flow()
+    }
 }
 
 impl<'a> SectionMap<'a> {
@@ -92,7 +114,7 @@ impl<'a> SectionMap<'a> {
         let [start, ..] = simulation.instants();
         // After a start within a cycle the next phase 0 is the first section.
         let cycle = start.cycle + i64::from(start.phase.value() > 0.0);
-        Ok(Self { simulation, cycle, phase: 0.0, steps: [1, 0] })
+        Ok(Self { simulation, cycle, phase: 0.0, steps: [1, 0], task: None })
     }
 
     /// Checks that each cycle has the forcing of the one before.
@@ -129,6 +151,12 @@ impl<'a> SectionMap<'a> {
     #[must_use]
     pub fn at_phase(self, phase: f64) -> Self {
         Self { phase, ..self }
+    }
+
+    /// Returns the same map, whose runs end with an error soon after `task` is cancelled.
+    #[must_use]
+    pub fn with_task(self, task: Task<'a>) -> Self {
+        Self { task: Some(task), ..self }
     }
 
     /// Returns the same map between sections that are `cycles` cycles later.
@@ -203,10 +231,19 @@ impl<'a> SectionMap<'a> {
         end: Instant,
         observer: &mut dyn Observer,
     ) -> Result<(), SimulationError> {
-        if engine.run(end, observer)? == Outcome::EventBudgetSpent {
-            return Err(self.simulation.missing("its run stops within a cycle; raise its limit on events"));
+        let outcome = match self.task {
+            Some(task) => engine.run(end, &mut (observer, CancelObserver(task)))?,
+            None => engine.run(end, observer)?,
+        };
+        match outcome {
+            Outcome::EventBudgetSpent => {
+                Err(self.simulation.missing("its run stops within a cycle; raise its limit on events"))
+            }
+            Outcome::StoppedByObserver if self.task.is_some_and(|task| task.is_cancelled()) => {
+                Err(self.simulation.missing("its run was cancelled"))
+            }
+            Outcome::StoppedByObserver | Outcome::ReachedEnd => Ok(()),
         }
-        Ok(())
     }
 
     /// Returns the section of a state.

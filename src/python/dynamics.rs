@@ -144,7 +144,8 @@ impl SectionMap {
 
     /// Returns the section after some cycles.
     fn follow(&self, py: Python<'_>, section: &PythonSection, cycles: u64) -> PyResult<PythonSection> {
-        let done = pooled(py, Some(1), None, |_| Map::new(&self.simulation)?.follow(&section.0, cycles))?;
+        let done =
+            pooled(py, Some(1), None, |task| Map::new(&self.simulation)?.with_task(task).follow(&section.0, cycles))?;
         Ok(PythonSection(whole(done)?))
     }
 
@@ -156,10 +157,10 @@ impl SectionMap {
         cycles: u64,
         pointers: Vec<String>,
     ) -> PyResult<ImageParts<'py>> {
-        let done = pooled(py, Some(1), None, |_| {
+        let done = pooled(py, Some(1), None, |task| {
             let variations = pointers.iter().map(|pointer| self.simulation.variation(pointer));
             let variations = variations.collect::<Result<Vec<_>, _>>()?;
-            Map::new(&self.simulation)?.image_by(&section.0, cycles, &variations)
+            Map::new(&self.simulation)?.with_task(task).image_by(&section.0, cycles, &variations)
         })?;
         let Image { end, between, jacobian, by_number, word, zeros, volume, corner, has_event_at_section, .. } =
             whole(done)?;

@@ -185,6 +185,7 @@ impl Scene {
                         .warnings
                         .iter_mut()
                         .for_each(|warning| warning.pointer = as_written(&given, &warning.pointer));
+                    built.warnings.extend(preset::replaced_everywhere(&given));
                     if resolved["train"]["strict"] != true || built.warnings.is_empty() {
                         return Ok(Self { name: name.to_owned(), given, resolved, built });
                     }

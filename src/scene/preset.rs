@@ -7,6 +7,8 @@ use crate::{
     train::StageGeometry,
 };
 
+use super::Warning;
+
 macro_rules! presets {
     ($($name:literal),*) => { [$(($name, include_str!(concat!("presets/", $name, ".json")))),*] };
 }
@@ -145,6 +147,34 @@ fn share(train: &mut Map<String, Value>) {
             inside(item, key, base);
         }
     });
+}
+
+/// Returns a warning for each common value of a gearbox that every mesh replaces by its own.
+pub(super) fn replaced_everywhere(scene: &Value) -> Vec<Warning> {
+    let train = &scene["train"];
+    if train["kind"] != "gearbox" {
+        return vec![];
+    }
+    let all = |list: &str| train[list].as_array().into_iter().flatten();
+    let of_stages = || all("stages").flat_map(|stage| [&stage["sun_mesh"], &stage["ring_mesh"]]);
+    let racks = all("meshes").chain(all("stages")).map(|item| &item["rack"]).collect();
+    let mut warnings = Vec::new();
+    for (common, owns) in [("mesh", all("meshes").chain(of_stages()).collect::<Vec<_>>()), ("rack", racks)] {
+        for (key, shared) in train[common].as_object().into_iter().flatten() {
+            let is_replaced = |own: &&Value| {
+                let has =
+                    |other: &&str| own.get(*other).is_some_and(|value| !(value.is_object() && shared.is_object()));
+                has(&key.as_str())
+                    || ALTERNATIVES.iter().any(|group| group.contains(&key.as_str()) && group.iter().any(has))
+            };
+            if !owns.is_empty() && owns.iter().all(is_replaced) {
+                let message =
+                    "every mesh has its own value, so that this one has no effect; remove one or the other".to_owned();
+                warnings.push(Warning { pointer: format!("/train/{common}/{key}"), message });
+            }
+        }
+    }
+    warnings
 }
 
 /// Writes `top` over `base`. Keys of `top` that exclude each other are kept, for the check to refuse.

@@ -106,6 +106,22 @@ fn a_pair_is_a_gearbox_of_two_shafts() {
     }
 }
 
+/// A common value that no mesh takes has no effect, and the scene says so.
+#[test]
+fn a_common_value_that_every_mesh_replaces_is_reported() {
+    let warnings = |change: &dyn Fn(&mut Value)| -> Vec<String> {
+        let mut train = row(&[(20, 0.0, false), (30, 0.0, false), (40, 0.0, false)], &[0.0, 0.0]);
+        change(&mut train);
+        built(&train).warnings.iter().filter(|w| w.message.contains("no effect")).map(|w| w.pointer.clone()).collect()
+    };
+    assert!(warnings(&|train| train["meshes"][0]["total_backlash_m"] = json!(2e-4)).is_empty());
+    let both = |train: &mut Value| {
+        (0..2).for_each(|i| train["meshes"][i]["half_backlash_m"] = json!(1e-4));
+        (0..2).for_each(|i| train["meshes"][i]["rack"] = json!({ "module_m": 0.002 }));
+    };
+    assert_eq!(warnings(&both), ["/train/mesh/total_backlash_m", "/train/rack/module_m"]);
+}
+
 /// A stage as a part of a gearbox has the frequencies and phases of the same stage alone.
 #[test]
 fn a_stage_is_a_part_of_a_gearbox() {
