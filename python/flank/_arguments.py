@@ -43,9 +43,10 @@ def number_or_none(name: str, value: Any, least: float, most: float) -> float | 
     """Return a number in a range, or None."""
     if value is None:
         return None
-    if isinstance(value, (bool, str)) or not np.isscalar(value) or not least <= float(np.real(value)) <= most:
+    is_real = np.isscalar(value) and not isinstance(value, (bool, str, complex))
+    if not (is_real and least <= float(value) <= most):
         raise refuse(Fault(name, repr(value), f"a number from {least:g} to {most:g}", "write a number in this range"))
-    return float(np.real(value))
+    return float(value)
 
 
 def threads_or_none(value: Any) -> int | None:
@@ -57,6 +58,8 @@ def numbers(name: str, values: Any, dimensions: int) -> npt.NDArray[np.float64]:
     """Return finite numbers as an array."""
     allowed = f"finite numbers in an array of {dimensions} {'dimension' if dimensions == 1 else 'dimensions'}"
     try:
+        if np.iscomplexobj(values):
+            raise TypeError
         array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise refuse(Fault(name, repr(values)[:80], allowed, "")) from None

@@ -260,6 +260,8 @@ def _points(scene: Scene, axes: Mapping[str, Axis], pointer: Callable[[Scene, st
             name = pointer(scene, key)
             if not isinstance(values, str):
                 array = np.atleast_1d(numbers(key, values, 1))
+                if not len(array):
+                    raise refuse(Fault(key, "no values", "one value at least", "write the values of the axis"))
                 if len(np.unique(array)) < len(array):
                     raise refuse(Fault(key, "a value twice", "different values", "leave one of them out"))
                 # Each number in the digits that read as the same double.

@@ -94,7 +94,5 @@ def _read(scene: dict[str, Any], name: str) -> Scene:
     return load(scene, name=name)
 
 
-def _dense(matrix: Any) -> npt.NDArray[np.float64] | None:
-    if matrix is None:
-        return None
-    return np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix, dtype=np.float64)
+def _dense(matrix: Any) -> npt.NDArray[Any] | None:
+    return None if matrix is None else np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)

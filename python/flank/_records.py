@@ -6,6 +6,9 @@ import operator
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+WIDTH = 120
+"""Longest text of a record on one line, characters."""
+
 
 class Record(Mapping[str, Any]):
     """Mapping of names to values, which are attributes too.
@@ -20,7 +23,10 @@ class Record(Mapping[str, Any]):
         self._values = {name: _record(value) for name, value in values.items()}
 
     def __getitem__(self, name: str) -> Any:
-        return self._values[name]
+        try:
+            return self._values[name]
+        except KeyError:
+            raise KeyError(f"there is no {name!r}; there are {', '.join(map(repr, self._values))}") from None
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -41,8 +47,12 @@ class Record(Mapping[str, Any]):
         return [*super().__dir__(), *self._values]
 
     def __repr__(self) -> str:
-        items = ", ".join(f"{name}={value!r}" for name, value in self._values.items())
-        return f"{type(self).__name__}({items})"
+        items = [f"{name}={value!r}" for name, value in self._values.items()]
+        text = f"{type(self).__name__}({', '.join(items)})"
+        if len(text) <= WIDTH:
+            return text
+        lines = "".join(f"\n    {item}," for item in (item.replace("\n", "\n    ") for item in items))
+        return f"{type(self).__name__}({lines}\n)"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the values as plain dictionaries and lists."""
@@ -68,6 +78,14 @@ class Named(Mapping[str, Record]):
         except KeyError:
             known = ", ".join(map(repr, self._records))
             raise KeyError(f"there is no {name!r}; there are {known}") from None
+
+    def __getattr__(self, name: str) -> Record:
+        if name.startswith("_") or name not in self._records:
+            raise AttributeError(f"{type(self).__name__} has no {name!r}; it has {', '.join(map(repr, self._records))}")
+        return self._records[name]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *(name for name in self._records if name.isidentifier())]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._records)
