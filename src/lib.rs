@@ -118,14 +118,6 @@ pub mod prelude {
     };
 }
 
-/// Returns whether the old step rule is restored, without alarms, leaps and lanes. That rule misses forcing of a guard, so that a test can
-/// show that `--verify` finds the error. Set by an environment variable, which builds without debug assertions ignore.
-fn old_steps() -> bool {
-    use std::sync::LazyLock;
-    static ASKED: LazyLock<bool> = LazyLock::new(|| std::env::var_os("FLANK_OLD_STEPS").is_some());
-    cfg!(debug_assertions) && *ASKED
-}
-
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;

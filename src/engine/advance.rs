@@ -59,7 +59,7 @@ impl<'s> Engine<'s> {
     ) -> Self {
         let end = [state.x.clone(), state.x.clone()];
         let (core, point) = (Core::new(system, options, &state), WideState::new(state));
-        let lane = system.lane().filter(|_| !crate::old_steps());
+        let lane = system.lane();
         Self { integrator, point, motions: BTreeMap::new(), kept: 0, leaps: Leaps::default(), lane, end, core }
     }
 
@@ -171,7 +171,7 @@ impl<'s> Engine<'s> {
         met.arcs += 1;
         let known = met.known.get_or_insert_with(|| {
             let arc = core.system.clock().between(point.state.at, bound);
-            let leaps = integrator.is_exact(core.system, mode, arc) && !crate::old_steps();
+            let leaps = integrator.is_exact(core.system, mode, arc);
             *kept += 1;
             ModeMotion { motion: core.system.motion(mode), leaps }
         });

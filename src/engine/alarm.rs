@@ -29,11 +29,6 @@ const MOVED: f64 = 10.0;
 /// Factor on the rounding of one value that both values may have gathered.
 const GATHERED: f64 = 2.0;
 
-/// Returns whether the alarms are on. They are off under the old step rule, so that a test covers the verification and not the alarms.
-fn on() -> bool {
-    !crate::old_steps()
-}
-
 /// Largest rounding and kind of one guard.
 #[derive(Clone, Copy, Debug)]
 struct GuardRounding {
@@ -88,7 +83,7 @@ impl Alarm {
 
     /// Tests the start of a step against the end of the last one; `first` in an arc, where a switch may have changed forces.
     pub fn start(&mut self, system: &dyn HybridSystem, step: &dyn DenseStep, first: bool) -> Result<(), EngineError> {
-        let tests = on() && !step.is_estimate() && !self.ends.is_empty();
+        let tests = !step.is_estimate() && !self.ends.is_empty();
         for (i, guard) in step.guards().iter().enumerate() {
             self.meet(system, *guard, step.guard_rounding(i));
             if tests {
@@ -110,7 +105,7 @@ impl Alarm {
         first: bool,
         gathered: impl Fn(GuardId) -> f64,
     ) -> Result<(), EngineError> {
-        let tests = on() && !self.ends.is_empty();
+        let tests = !self.ends.is_empty();
         for (i, GuardValue { guard, value, error, terms, .. }) in leap.starts.iter().enumerate() {
             self.meet(system, *guard, *error);
             if tests {
@@ -202,7 +197,7 @@ impl Alarm {
         self.move_limit = self.length().map_or(f64::INFINITY, |length| (GATHERED * length).max(limit));
         let amount = (passage.residual - system.guard(mode, passage.guard, at, x)).abs();
         let limit = APART * (passage.error + rounding + gathered);
-        if on() && amount > limit {
+        if amount > limit {
             let what = "the series and the state differ at an event";
             return Err(raise(system, at, passage.guard, what, amount, limit));
         }
@@ -212,7 +207,7 @@ impl Alarm {
     /// Tests the end of the last step against the state at the end of a run.
     pub fn finish(&mut self, system: &dyn HybridSystem, at: Instant, x: &[f64]) -> Result<(), EngineError> {
         let ends = std::mem::take(&mut self.ends);
-        for &(id, value, error) in ends.iter().filter(|_| on()) {
+        for &(id, value, error) in &ends {
             let amount = (system.guard(&self.mode, id, at, x) - value).abs();
             let limit = APART * (error + self.largest_rounding(id) + TERMS * value.abs());
             if amount > limit {
@@ -254,7 +249,7 @@ impl Alarm {
         (at, x): (Instant, &[f64]),
     ) -> Result<(), EngineError> {
         self.move_limit = f64::INFINITY;
-        if !on() || step.is_estimate() {
+        if step.is_estimate() {
             return Ok(());
         }
         self.move_limit = self.length().map_or(f64::INFINITY, |length| GATHERED * length);

@@ -308,11 +308,6 @@ impl Expansion<'_> {
                 break;
             }
         }
-        if crate::old_steps() {
-            let (reach, rate) = self.old_reach(allowed, out);
-            let displacement = rate * self.h * reach / ORDER as f64;
-            return Some((reach, Tail { velocity: rate, displacement, ..Tail::default() }));
-        }
         let mut tail = self.tail(growth, last, reach, out);
         for _ in 0..4 {
             let excess = tail.velocity / allowed(reach);
@@ -323,22 +318,6 @@ impl Expansion<'_> {
             tail = self.tail(growth, last, reach, out);
         }
         Some((reach, tail))
-    }
-
-    /// Returns the reach by the step rule of an earlier version, which missed events: the last two orders of a rate come from the same
-    /// coefficient, and forces of contacts at rest do not count. For tests of the verification.
-    fn old_reach(&self, allowed: impl Fn(f64) -> f64, out: &Jet) -> (f64, f64) {
-        let size = |k: usize| match k {
-            ORDER => self.size(ORDER - 1, out).max(self.velocity_size(ORDER, out)),
-            _ => self.size(ORDER - 1, out).max(self.velocity_size(k, out)),
-        };
-        let last = [ORDER - 1, ORDER].map(size);
-        let mut reach: f64 = 1.0;
-        for _ in 0..4 {
-            let next = [ORDER - 1, ORDER].iter().zip(last).filter(|(_, a)| *a > allowed(reach));
-            reach = next.map(|(k, a)| root_below(allowed(reach) / a, *k)).fold(1.0, f64::min);
-        }
-        (reach, 3.0 * last[0].max(last[1]) * reach.powi(ORDER as i32 - 1))
     }
 
     /// Returns `‖x_N‖`.

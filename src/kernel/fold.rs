@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// First degree of freedom, and first contact, that equals each one.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Fold {
     pub freedoms: Box<[usize]>,
     pub contacts: Box<[usize]>,

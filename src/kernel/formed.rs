@@ -1,18 +1,14 @@
-//! Propagators that a thread has formed, by the numbers from which they are formed.
+//! Propagators that a thread has formed, by their modes.
 
 use std::{cell::RefCell, collections::HashMap, rc::Rc};
-
-use smallvec::SmallVec;
 
 use super::{
     Motion,
     fold::Fold,
-    propagator::{MOST_INPUTS, Propagator, load_size},
+    linear_mode::LinearMode,
+    propagator::{MOST_INPUTS, Propagator},
 };
-use crate::{
-    hybrid::LeapCounts,
-    system::{Elasticity, Force, Spring, Watch, Wave},
-};
+use crate::hybrid::LeapCounts;
 
 /// Largest number of components of the state and contacts for which a product with all columns is cheaper than a recurrence: measured on
 /// chains of 2 to 12 masses with one to n walls.
@@ -48,76 +44,40 @@ impl Motion<'_> {
         if fold.outputs() > MOST_OUTPUTS {
             return None;
         }
-        let numbers = self.numbers(&fold);
-        if let Some(known) = FORMED.with_borrow(|formed| formed.get(&numbers).cloned()) {
-            return Some(known);
-        }
-        let propagator = Rc::new(Propagator::new(self, fold)?);
-        FORMED.with_borrow_mut(|formed| {
-            if formed.len() >= MOST_FORMED {
-                formed.clear();
-            }
-            formed.insert(numbers, Rc::clone(&propagator));
-        });
-        Some(propagator)
-    }
-
-    /// Returns the bits of all numbers from which a propagator is formed, in a fixed order. Places of flanks, restitution and the size of
-    /// the load are not among them.
-    fn numbers(&self, fold: &Fold) -> Box<[u64]> {
-        let s = self.structure;
-        let mut bits: Vec<u64> = Vec::with_capacity(64);
-        let mut list = |values: &mut dyn Iterator<Item = f64>| {
-            let first = bits.len();
-            bits.push(0);
-            bits.extend(values.map(f64::to_bits));
-            bits[first] = (bits.len() - first) as u64;
-        };
-        let sparse =
-            |row: &[(u32, f64)]| row.iter().flat_map(|(i, g)| [f64::from(*i), *g]).collect::<SmallVec<[f64; 8]>>();
-        let waves =
-            |w: &[Wave]| w.iter().flat_map(|w| [w.index as f64, w.cosine, w.sine]).collect::<SmallVec<[f64; 12]>>();
-        list(&mut [self.growth.rate(), self.growth.frequency()].into_iter());
-        let size = load_size(&s.load);
-        list(&mut s.load.iter().map(|f| if size > 0.0 { f / size } else { 0.0 }));
-        list(&mut s.weights.iter().copied());
-        list(&mut s.oscillators.iter().map(|o| o.omega));
-        s.rows.iter().for_each(|row| list(&mut row.iter().flat_map(|(j, k, c)| [f64::from(*j), *k, *c])));
-        for w in &s.load_waves {
-            list(&mut std::iter::once(w.index as f64).chain(w.cosine.iter().chain(&w.sine).copied()));
-        }
-        for (part, c) in self.parts.iter().zip(&s.contacts) {
-            list(&mut sparse(&c.direction).into_iter());
-            list(&mut sparse(&c.push).into_iter());
-            list(&mut waves(&c.error).into_iter());
-            list(&mut waves(&c.error_rate).into_iter());
-            list(&mut [c.across, c.push_norm, c.stiffest].into_iter().chain(c.error_sizes));
-            let law = part.acting.map(|a| match a.force {
-                Force::Linear { stiffness: Elasticity::Constant(k), damping } => {
-                    [1.0, f64::from(u8::from(a.is_carried)), k, damping]
-                }
-                Force::Linear { stiffness: _, damping } => [3.0, f64::from(u8::from(a.is_carried)), 0.0, damping],
-                _ => [2.0, f64::from(u8::from(a.is_carried)), 0.0, 0.0],
-            });
-            list(&mut law.into_iter().flatten());
-            if let (Some(_), Spring::Waves(mean, swings)) = (part.acting, &c.spring) {
-                list(&mut std::iter::once(*mean).chain(waves(swings)).chain(s.load.iter().copied()));
-                list(&mut s.oscillators.iter().map(|o| o.order.map_or(-1.0, f64::from)));
-            }
-        }
-        for watched in &self.guards {
-            list(&mut [watched.contact as f64, f64::from(u8::from(watched.watch == Watch::Force))].into_iter());
-        }
-        list(&mut fold.freedoms.iter().chain(&fold.contacts).map(|i| *i as f64));
-        bits.into()
+        let mode = LinearMode::new(self, fold);
+        FORMED.with_borrow_mut(|formed| formed.of(mode))
     }
 }
 
 /// Maximum number of propagators that a thread keeps, some ten kilobytes each.
 const MOST_FORMED: usize = 4096;
 
+/// Propagators by their modes, in groups by the bits of L and Ω.
+#[derive(Default)]
+struct FormedPropagators {
+    groups: HashMap<[u64; 2], Vec<(LinearMode, Rc<Propagator>)>>,
+    count: usize,
+}
+
 thread_local! {
-    /// Propagators formed on this thread, by their numbers: trains that differ in load or backlash alone share them, and forming one
-    /// costs as much as some hundred spans.
-    static FORMED: RefCell<HashMap<Box<[u64]>, Rc<Propagator>>> = RefCell::default();
+    /// Propagators formed on this thread: trains that differ in load or backlash alone share them, and forming one costs as much as some
+    /// hundred spans.
+    static FORMED: RefCell<FormedPropagators> = RefCell::default();
+}
+
+impl FormedPropagators {
+    /// Returns the propagator of a mode, formed now if it is not known; `None` if the mode has none.
+    fn of(&mut self, mode: LinearMode) -> Option<Rc<Propagator>> {
+        let key = [mode.rate, mode.frequency].map(f64::to_bits);
+        if let Some((_, known)) = self.groups.get(&key).and_then(|group| group.iter().find(|(of, _)| *of == mode)) {
+            return Some(Rc::clone(known));
+        }
+        let propagator = Rc::new(Propagator::new(&mode)?);
+        if self.count >= MOST_FORMED {
+            *self = Self::default();
+        }
+        self.count += 1;
+        self.groups.entry(key).or_default().push((mode, Rc::clone(&propagator)));
+        Some(propagator)
+    }
 }

@@ -26,6 +26,7 @@ mod lane;
 mod lane_leap;
 mod leap;
 mod linear;
+mod linear_mode;
 mod lone;
 mod low;
 mod modulated;

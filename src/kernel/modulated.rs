@@ -9,14 +9,14 @@
 //! its sum bounds `Σ |c_m| r^m`, and so all degrees beyond m by `r^−(m+1)` of it.
 
 use super::{
-    Motion,
     column::MOST_POWERS as ORDERS,
+    linear_mode::LinearMode,
     propagator::{CUT, Input, Output, SHORTEST},
     unit::UnitSeries,
 };
 use crate::{
     hybrid::Wide,
-    system::{Elasticity, Force, LoadWave, Spring, Wave},
+    system::{Elasticity, LoadWave, Spring, Wave},
 };
 
 /// Largest degree in φ.
@@ -73,11 +73,10 @@ pub(super) type OutputSums = [f64; 2];
 
 impl Modulation {
     /// Forms the modulation of a mode. `None` if a stiffness varies in another way or n > 1; `Some(None)` if none varies.
-    pub fn new(motion: &Motion) -> Option<Option<Self>> {
-        if !motion.is_varying {
+    pub fn new(s: &LinearMode) -> Option<Option<Self>> {
+        if !s.is_varying {
             return Some(None);
         }
-        let s = motion.structure;
         let orders = s.oscillators.iter().map(|o| o.order).collect::<Option<Vec<u32>>>()?;
         let order = orders.iter().copied().fold(0, gcd);
         if s.n != 1 || order == 0 {
@@ -91,22 +90,20 @@ impl Modulation {
         };
         let swings = |waves: &[Wave]| waves.iter().map(swing).collect::<Vec<_>>();
         let mut stiffness = Vec::new();
-        for (part, c) in motion.parts.iter().zip(&s.contacts) {
-            stiffness.push(match (part.force(), &c.spring) {
-                (Some(Force::Linear { stiffness: Elasticity::Constant(mean), .. }), _) => {
-                    Some(ModulatedStiffness { mean, waves: Vec::new() })
-                }
-                (Some(Force::Linear { stiffness: Elasticity::Waves, .. }), Spring::Waves(mean, waves)) => {
+        for c in &s.contacts {
+            stiffness.push(match (c.law, &c.spring) {
+                (Some((Elasticity::Constant(mean), _)), _) => Some(ModulatedStiffness { mean, waves: Vec::new() }),
+                (Some((Elasticity::Waves, _)), Some(Spring::Waves(mean, waves))) => {
                     Some(ModulatedStiffness { mean: *mean, waves: swings(waves) })
                 }
-                (Some(Force::Linear { .. }), _) => return None,
-                _ => None,
+                (Some(_), _) => return None,
+                (None, _) => None,
             });
         }
         let load = |w: &LoadWave| swing(&Wave { index: w.index, cosine: w.cosine[0], sine: w.sine[0] });
         Some(Some(Self {
             order,
-            omega: f64::from(order) * s.clock.omega(),
+            omega: f64::from(order) * s.clock,
             stiffness,
             load: s.load_waves.iter().map(load).collect(),
             errors: s.contacts.iter().map(|c| [swings(&c.error), swings(&c.error_rate)]).collect(),
@@ -117,14 +114,14 @@ impl Modulation {
     /// Returns the longest span up to `span` with a small enough cut part, and bounds on that part, as by [`bound`](Self::bound).
     pub fn fit(
         &mut self,
-        motion: &Motion,
+        mode: &LinearMode,
         mut span: f64,
         inputs: &[Input],
         outputs: &[Output],
     ) -> Option<(f64, Vec<Vec<f64>>)> {
         let shortest = SHORTEST * span;
         while span >= shortest {
-            if let Some(cut) = self.bound(motion, span, inputs, outputs) {
+            if let Some(cut) = self.bound(mode, span, inputs, outputs) {
                 return Some((span, cut));
             }
             span *= SHORTER;
@@ -133,8 +130,14 @@ impl Modulation {
     }
 
     /// Chooses the degrees that are kept over `span`, and bounds the cut parts, by input and output: the state first.
-    pub fn bound(&mut self, motion: &Motion, span: f64, inputs: &[Input], outputs: &[Output]) -> Option<Vec<Vec<f64>>> {
-        let all = |r: f64| inputs.iter().map(|input| self.sizes(motion, span, *input, outputs, r)).collect::<Vec<_>>();
+    pub fn bound(
+        &mut self,
+        mode: &LinearMode,
+        span: f64,
+        inputs: &[Input],
+        outputs: &[Output],
+    ) -> Option<Vec<Vec<f64>>> {
+        let all = |r: f64| inputs.iter().map(|input| self.sizes(mode, span, *input, outputs, r)).collect::<Vec<_>>();
         let own = all(1.0);
         // Degree beyond which the contribution of each input to each output is below the limit.
         let needed = |sums: &[Vec<OutputSums>], r: f64| {
@@ -165,8 +168,7 @@ impl Modulation {
     }
 
     /// Bounds the sums of the sizes of all Taylor terms of order one and more, waves of order h times `rʰ`: of q, of v, of the outputs.
-    fn sizes(&self, motion: &Motion, span: f64, input: Input, outputs: &[Output], r: f64) -> Vec<OutputSums> {
-        let s = motion.structure;
+    fn sizes(&self, s: &LinearMode, span: f64, input: Input, outputs: &[Output], r: f64) -> Vec<OutputSums> {
         let mut sums = vec![[0.0; 2]; 2 + outputs.len()];
         let is = |other: Input| f64::from(u8::from(input == other));
         let (mut q, mut v) = (is(Input::Displacement(0)), is(Input::Velocity(0)));
@@ -190,23 +192,23 @@ impl Modulation {
         let (mut deflections, mut forces) = (vec![0.0; s.contacts.len()], vec![0.0; s.contacts.len()]);
         for order in 0..=SUMMED {
             let mut a = s.rows[0].iter().fold(0.0, |a, (_, k, c)| a + k.abs() * q + c.abs() * v);
-            a += is_forced * (if order == 0 { s.load[0].abs() } else { 0.0 } + load[order]);
+            a += is_forced * (if order == 0 { s.whole_load[0].abs() } else { 0.0 } + load[order]);
             for (j, c) in s.contacts.iter().enumerate() {
                 let across: f64 = c.direction.iter().map(|(_, g)| g.abs()).sum();
                 deflections[j] = across * q + is_forced * errors[j][0][order];
                 stretches[j].push(if order == 0 { is(Input::Stretch(j)) } else { deflections[j] });
-                let (Some(spun), Some(force)) = (&self.stiffness[j], motion.parts[j].force()) else { continue };
+                let Some(spun) = &self.stiffness[j] else { continue };
                 let rate = across * v + is_forced * errors[j][1][order];
-                forces[j] = spun.mean * stretches[j][order] + force.damping().unwrap_or(0.0) * rate;
+                forces[j] = spun.mean * stretches[j][order] + c.damping() * rate;
                 forces[j] += stretches[j].iter().rev().zip(&swings[j]).map(|(p, k)| p * k).sum::<f64>();
-                if motion.parts[j].acting.is_some_and(|acting| acting.is_carried) {
+                if c.is_carried {
                     a += c.push.iter().map(|(_, p)| p.abs()).sum::<f64>() * forces[j];
                 }
             }
             if order > 0 {
                 let rows = outputs.iter().map(|output| match output {
                     Output::Deflection(j) => deflections[*j],
-                    Output::Force(acting) => forces[acting.contact],
+                    Output::Force(j) => forces[*j],
                 });
                 for (sum, value) in sums.iter_mut().zip([q, v].into_iter().chain(rows)) {
                     sum[0] += value;
@@ -224,8 +226,7 @@ impl Modulation {
     }
 
     /// Returns Taylor coefficients for one unit input, by `1, cos φ, sin φ, …`.
-    pub fn series(&self, motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Vec<UnitSeries> {
-        let s = motion.structure;
+    pub fn series(&self, s: &LinearMode, span: f64, input: Input, outputs: &[Output]) -> Vec<UnitSeries> {
         let count = 2 * self.degrees + 1;
         let zero = vec![Wide::default(); count];
         let unit = |other: Input| {
@@ -259,11 +260,11 @@ impl Modulation {
                 take_off(&mut rate, &errors[j][1], order, -1.0);
                 stretches[j].push(if order == 0 { unit(Input::Stretch(j)) } else { deflection.clone() });
                 deflections.push(deflection);
-                let (Some(spun), Some(law)) = (&self.stiffness[j], motion.parts[j].force()) else {
+                let Some(spun) = &self.stiffness[j] else {
                     forces.push(zero.clone());
                     continue;
                 };
-                let damping = law.damping().unwrap_or(0.0);
+                let damping = c.damping();
                 let own = stretches[j][order].iter().zip(&rate);
                 let mut force: Vec<Wide> = own.map(|(p, r)| *p * spun.mean + *r * damping).collect();
                 for (w, series) in spun.waves.iter().zip(&swings[j]) {
@@ -280,24 +281,23 @@ impl Modulation {
                     for (row, output) in series.rows.iter_mut().zip(outputs) {
                         row.push(match output {
                             Output::Deflection(j) => deflections[*j][t],
-                            Output::Force(acting) => forces[acting.contact][t],
+                            Output::Force(j) => forces[*j][t],
                         });
                     }
                 }
             }
             let mut a = zero.clone();
             if order == 0 && is_forced {
-                a[0] = s.load[0].into();
+                a[0] = s.whole_load[0].into();
             }
             take_off(&mut a, &load, order, 1.0);
             for (t, a) in a.iter_mut().enumerate() {
                 for (_, k, c) in &s.rows[0] {
                     *a = *a - q[t] * *k - v[t] * *c;
                 }
-                let carried = motion.parts.iter().filter_map(|part| part.acting).filter(|a| a.is_carried);
-                for acting in carried {
-                    for (_, p) in &s.contacts[acting.contact].push {
-                        *a = *a - forces[acting.contact][t] * *p;
+                for (j, c) in s.contacts.iter().enumerate().filter(|(_, c)| c.is_carried) {
+                    for (_, p) in &c.push {
+                        *a = *a - forces[j][t] * *p;
                     }
                 }
             }

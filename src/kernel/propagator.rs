@@ -15,15 +15,11 @@ use super::{
     Motion,
     column::{Columns, Conversion, largest},
     fold::Fold,
+    linear_mode::{LinearGuard, LinearMode, load_size},
     modulated::{COARSE, MOST_DEGREES, Modulation},
-    motion::ModeGuard,
     unit::{LANES, UnitSeries, Units, rest, rest_of},
 };
-use crate::{
-    hybrid::Instant,
-    system::{ActiveContact, Force, Structure, Watch},
-    vectors::Path,
-};
+use crate::{hybrid::Instant, system::Structure, vectors::Path};
 
 /// Length of a span and degree of its columns.
 #[derive(Debug)]
@@ -97,7 +93,7 @@ impl Input {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Output {
     Deflection(usize),
-    Force(ActiveContact),
+    Force(usize),
 }
 
 /// Columns of a quantity besides the state, and contribution of a unit of each term to the error of its coefficients.
@@ -160,11 +156,6 @@ pub(super) struct Propagator {
     pub fold: Fold,
 }
 
-/// Returns the largest acceleration by a constant load: with the direction alone in the columns, all its sizes share them.
-pub(super) fn load_size(load: &[f64]) -> f64 {
-    load.iter().fold(0.0, |m: f64, f| m.max(f.abs()))
-}
-
 /// Roundings of the angle of degree m in units of mε: of a product of two angles √5/2 at most (Brent, Percival & Zimmermann 2007), and a
 /// unit of the angle itself, rounded up. In any order of products, degree m takes m angles and m − 1 products.
 const TURNED: f64 = 2.25;
@@ -222,9 +213,9 @@ impl Propagator {
         }
     }
 
-    pub fn new(motion: &Motion, fold: Fold) -> Option<Self> {
-        let s = motion.structure;
-        let rate = motion.growth.rate().max(s.oscillators.iter().fold(0.0, |m: f64, o| m.max(o.omega)));
+    pub fn new(s: &LinearMode) -> Option<Self> {
+        let fold = &s.fold;
+        let rate = s.rate.max(s.oscillators.iter().fold(0.0, |m: f64, o| m.max(o.omega)));
         let degree = if s.n > 1 { &LONG } else { &SHORT };
         let (fours, span) = (degree.fours, degree.reach / rate);
         if !span.is_normal() {
@@ -236,50 +227,47 @@ impl Propagator {
         let deflections: Box<[usize]> = (0..s.contacts.len()).map(row).collect();
         let mut outputs: Vec<Output> = contacts.iter().map(|j| Output::Deflection(*j)).collect();
         let (mut guards, mut firsts) = (Vec::<usize>::new(), Vec::new());
-        for (number, ModeGuard { contact, watch, .. }) in motion.guards.iter().enumerate() {
-            let is_equal = |other: &ModeGuard| other.contact == fold.contacts[*contact] && other.watch == *watch;
-            let first = motion.guards.iter().position(is_equal).unwrap_or(number);
+        for (number, guard) in s.guards.iter().enumerate() {
+            let equal = LinearGuard { contact: fold.contacts[guard.contact], ..*guard };
+            let first = s.guards.iter().position(|other| *other == equal).unwrap_or(number);
             firsts.push(first);
-            guards.push(match (watch, motion.parts[*contact].acting) {
-                _ if first < number => guards[first],
-                (Watch::Force, Some(acting)) => {
-                    outputs.push(Output::Force(acting));
-                    outputs.len() - 1
-                }
-                _ => deflections[*contact],
+            guards.push(if first < number {
+                guards[first]
+            } else if guard.is_force && s.contacts[guard.contact].law.is_some() {
+                outputs.push(Output::Force(guard.contact));
+                outputs.len() - 1
+            } else {
+                deflections[guard.contact]
             });
         }
         let freedoms: Vec<usize> = (0..s.n).filter(|i| is_first(&fold.freedoms, i)).collect();
         let displacements = freedoms.iter().map(|i| Input::Displacement(*i));
         let velocities = freedoms.iter().map(|i| Input::Velocity(*i));
         // With a varying stiffness, the force depends on the stretch at the start, carried or only watched.
-        let feels = |j: &usize| {
-            let part = &motion.parts[*j];
-            part.carried_linear().is_some() || motion.is_varying && matches!(part.force(), Some(Force::Linear { .. }))
-        };
+        let feels = |j: &usize| s.contacts[*j].is_carried || s.is_varying && s.contacts[*j].law.is_some();
         let felt = contacts.iter().copied().filter(feels);
         let waves = (0..s.oscillators.len()).flat_map(|i| [Input::Cosine(i), Input::Sine(i)]);
         let own = displacements.chain(velocities).chain(felt.map(Input::Stretch));
-        let mut modulation = Modulation::new(motion)?;
+        let mut modulation = Modulation::new(s)?;
         let inputs: Vec<Input> = match &modulation {
             None => own.chain([Input::Load]).chain(waves).collect(),
             Some(_) => own.chain([Input::Forcing]).collect(),
         };
         let (span, cuts) = match &mut modulation {
             None => (span, Vec::new()),
-            Some(modulation) => modulation.fit(motion, span, &inputs, &outputs)?,
+            Some(modulation) => modulation.fit(s, span, &inputs, &outputs)?,
         };
         // Series of each input by each wave.
         let all: Vec<Vec<UnitSeries>> = match &modulation {
             None => inputs
                 .chunks(LANES)
                 .flat_map(|inputs| {
-                    let (fold, terms, outputs) = (&fold, degree.terms, &outputs);
-                    s.instructions.run(Units { motion, fold, span, terms, inputs, outputs })
+                    let (terms, outputs) = (degree.terms, &outputs);
+                    s.instructions.run(Units { mode: s, span, terms, inputs, outputs })
                 })
                 .map(|series| vec![series])
                 .collect(),
-            Some(modulation) => inputs.iter().map(|input| modulation.series(motion, span, *input, &outputs)).collect(),
+            Some(modulation) => inputs.iter().map(|input| modulation.series(s, span, *input, &outputs)).collect(),
         };
         let (mut kept, mut ends) = (Vec::new(), Vec::new());
         let mut state: Vec<Vec<_>> = vec![Vec::new(); 2 * s.n];
@@ -307,7 +295,7 @@ impl Propagator {
                 }
                 let cut = |i: usize| match (wave, cuts.get(number)) {
                     (0, Some(cuts)) => cuts[2 * s.n + i],
-                    (0, None) => rest_of(motion, rest(motion, span, degree, input, &series.state), &outputs[i]),
+                    (0, None) => rest_of(s, rest(s, span, degree, input, &series.state), &outputs[i]),
                     _ => 0.0,
                 };
                 for (i, ((columns, errors), series)) in rows.iter_mut().zip(&series.rows).enumerate() {
@@ -349,7 +337,7 @@ impl Propagator {
             deflections,
             guards: guards.into(),
             firsts: firsts.into(),
-            fold,
+            fold: fold.clone(),
         })
     }
 }

@@ -3,14 +3,13 @@
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::{
-    Motion,
-    fold::Fold,
-    propagator::{Degree, Input, Output, load_size},
+    linear_mode::{LinearContact, LinearMode},
+    propagator::{Degree, Input, Output},
     two::Two,
 };
 use crate::{
     hybrid::Wide,
-    system::{ActiveContact, Contact, Elasticity, Force, Wave},
+    system::Wave,
     vectors::{Path, Work},
 };
 
@@ -37,8 +36,7 @@ impl UnitSeries {
 
 /// Motions to expand over `span`, each with one of at most four `inputs` one and all others zero. Equal inputs are one together.
 pub(super) struct Units<'a> {
-    pub motion: &'a Motion<'a>,
-    pub fold: &'a Fold,
+    pub mode: &'a LinearMode,
     pub span: f64,
     /// Number of orders.
     pub terms: usize,
@@ -56,19 +54,19 @@ struct At<P: Path> {
 impl Units<'_> {
     #[inline(always)]
     fn start<P: Path>(&self, path: P) -> At<P> {
-        let (s, zero, one) = (self.motion.structure, Two::zero(path), Wide::from(1.0));
+        let (s, zero, one) = (self.mode, Two::zero(path), Wide::from(1.0));
         let mut x = vec![zero; 2 * s.n];
         let mut stretches = vec![zero; s.contacts.len()];
         let mut waves = vec![[zero; 2]; s.oscillators.len()];
         for (lane, input) in self.inputs.iter().enumerate() {
             let set = |two: &mut Two<P>| *two = two.with(path, lane, one);
             match *input {
-                Input::Displacement(i) => (0..s.n).filter(|k| self.fold.freedoms[*k] == i).for_each(|k| set(&mut x[k])),
+                Input::Displacement(i) => (0..s.n).filter(|k| s.fold.freedoms[*k] == i).for_each(|k| set(&mut x[k])),
                 Input::Velocity(i) => {
-                    (0..s.n).filter(|k| self.fold.freedoms[*k] == i).for_each(|k| set(&mut x[s.n + k]));
+                    (0..s.n).filter(|k| s.fold.freedoms[*k] == i).for_each(|k| set(&mut x[s.n + k]));
                 }
                 Input::Stretch(j) => {
-                    let equal = (0..s.contacts.len()).filter(|k| self.fold.contacts[*k] == j);
+                    let equal = (0..s.contacts.len()).filter(|k| s.fold.contacts[*k] == j);
                     equal.for_each(|k| set(&mut stretches[k]));
                 }
                 Input::Load | Input::Forcing => {}
@@ -101,14 +99,8 @@ fn wave<P: Path>(path: P, all: &[Wave], waves: &[[Two<P>; 2]]) -> Two<P> {
 
 /// Returns the force of a contact with a linear law and a constant stiffness.
 #[inline(always)]
-fn force<P: Path>(
-    path: P,
-    c: &Contact,
-    acting: &ActiveContact,
-    stretch: Two<P>,
-    (v, waves): (&[Two<P>], &[[Two<P>; 2]]),
-) -> Two<P> {
-    let Force::Linear { stiffness: Elasticity::Constant(k), damping } = acting.force else { return Two::zero(path) };
+fn force<P: Path>(path: P, c: &LinearContact, stretch: Two<P>, (v, waves): (&[Two<P>], &[[Two<P>; 2]])) -> Two<P> {
+    let Some([k, damping]) = c.constant() else { return Two::zero(path) };
     let rate = along(path, &c.direction, v).minus(path, wave(path, &c.error_rate, waves));
     stretch.times(path, k).plus(path, rate.times(path, damping))
 }
@@ -119,8 +111,7 @@ impl Work for Units<'_> {
     #[inline(always)]
     fn on<P: Path>(self, path: P) -> Vec<UnitSeries> {
         let At { mut x, stretches, mut waves } = self.start(path);
-        let Self { motion, span, terms, inputs, outputs, .. } = self;
-        let s = motion.structure;
+        let Self { mode: s, span, terms, inputs, outputs } = self;
         let n = s.n;
         let mut all = Vec::with_capacity(inputs.len());
         for _ in inputs {
@@ -128,7 +119,6 @@ impl Work for Units<'_> {
             all.push(UnitSeries { state: rows(2 * n), rows: rows(outputs.len()) });
         }
         let (mut a, mut deflections) = (vec![Two::zero(path); n], vec![Two::zero(path); s.contacts.len()]);
-        let size = load_size(&s.load);
         for order in 0..=terms {
             let (q, v) = x.split_at(n);
             for (j, c) in s.contacts.iter().enumerate() {
@@ -148,10 +138,7 @@ impl Work for Units<'_> {
                 for (i, output) in outputs.iter().enumerate() {
                     let value = match output {
                         Output::Deflection(j) => deflections[*j],
-                        Output::Force(acting) => {
-                            let j = acting.contact;
-                            force(path, &s.contacts[j], acting, deflections[j], (v, &waves))
-                        }
+                        Output::Force(j) => force(path, &s.contacts[*j], deflections[*j], (v, &waves)),
                     };
                     for (series, value) in all.iter_mut().zip(value.numbers(path)) {
                         series.rows[i].push(value);
@@ -159,10 +146,10 @@ impl Work for Units<'_> {
                 }
             }
             a.fill(Two::zero(path));
-            if order == 0 && size > 0.0 {
+            if order == 0 {
                 for (lane, _) in inputs.iter().enumerate().filter(|(_, input)| **input == Input::Load) {
                     for (a, f) in a.iter_mut().zip(&s.load) {
-                        *a = a.with(path, lane, Wide::quotient((*f).into(), size));
+                        *a = a.with(path, lane, *f);
                     }
                 }
             }
@@ -178,10 +165,8 @@ impl Work for Units<'_> {
                     *a = a.plus(path, cosine.times(path, *by_cosine)).plus(path, sine.times(path, *by_sine));
                 }
             }
-            for part in &motion.parts {
-                let Some(acting) = part.acting.filter(|acting| acting.is_carried) else { continue };
-                let (j, c) = (acting.contact, &s.contacts[acting.contact]);
-                let force = force(path, c, &acting, deflections[j], (v, &waves));
+            for (j, c) in s.contacts.iter().enumerate().filter(|(_, c)| c.is_carried) {
+                let force = force(path, c, deflections[j], (v, &waves));
                 for (i, p) in &c.push {
                     a[*i as usize] = a[*i as usize].minus(path, force.times(path, *p));
                 }
@@ -203,49 +188,46 @@ impl Work for Units<'_> {
 /// Returns bounds on the rest after the last term of displacements and velocities, times `√M_ii`, and of a wave of amplitude one. With
 /// `‖x_{k+1}‖ ≤ (ρ‖x_k‖ + H F_k)/(k + 1)`, ρ at least the span times the growth and times all frequencies, the sum after order N is
 /// at most `(ρ‖x_N‖ + H F_N/(1 − r))/((N + 1)(1 − r))` with `r = ρ/(N + 1)`.
-pub(super) fn rest(motion: &Motion, span: f64, degree: &Degree, input: Input, state: &[Vec<Wide>]) -> [f64; 3] {
-    let s = motion.structure;
+pub(super) fn rest(s: &LinearMode, span: f64, degree: &Degree, input: Input, state: &[Vec<Wide>]) -> [f64; 3] {
     let (terms, reach) = (degree.terms, degree.reach);
     let next = (terms + 1) as f64;
     let ratio = reach / next;
     let wave = (1..=terms).fold(1.0, |term, k| term * reach / k as f64);
     let forced = match input {
-        Input::Cosine(i) | Input::Sine(i) => motion.forcing_of(i) * wave,
+        Input::Cosine(i) | Input::Sine(i) => s.forcing_of(i) * wave,
         _ => 0.0,
     };
     let last = |row: &Vec<Wide>| row.last().map_or(0.0, |c| c.hi.abs());
     let size = s.weights.iter().zip(&state[..s.n]).zip(&state[s.n..]);
-    let size = size.fold(0.0, |m: f64, ((w, q), v)| m.max(w * last(v)).max(w * last(q) * motion.growth.frequency()));
+    let size = size.fold(0.0, |m: f64, ((w, q), v)| m.max(w * last(v)).max(w * last(q) * s.frequency));
     let velocity = (reach * size + span * forced / (1.0 - ratio)) / (next * (1.0 - ratio));
     [span * (size + velocity) / next, velocity, wave * ratio / (1.0 - ratio)]
 }
 
-impl Motion<'_> {
+impl LinearMode {
     /// Returns a bound on the weighted acceleration by oscillator `i` of amplitude one.
     fn forcing_of(&self, i: usize) -> f64 {
-        let s = self.structure;
-        let loads = s.load_waves.iter().filter(|w| w.index == i).map(|w| w.size(&s.weights));
-        let contacts = self.parts.iter().zip(&s.contacts).filter_map(|(part, c)| {
-            let (_, damping) = part.carried_linear()?;
+        let loads = self.load_waves.iter().filter(|w| w.index == i).map(|w| w.size(&self.weights));
+        let contacts = self.contacts.iter().filter(|c| c.is_carried).map(|c| {
             let waves = c.error.iter().filter(|w| w.index == i).map(|w| libm::hypot(w.cosine, w.sine));
-            Some(c.push_norm * (c.stiffest + damping * s.oscillators[i].omega) * waves.sum::<f64>())
+            c.push_norm * (c.stiffest + c.damping() * self.oscillators[i].omega) * waves.sum::<f64>()
         });
         loads.sum::<f64>() + contacts.sum::<f64>()
     }
 }
 
 /// Returns a bound on the rest of an output after the last Taylor term, from those of displacements, velocities and waves.
-pub(super) fn rest_of(motion: &Motion, [displacement, velocity, wave]: [f64; 3], output: &Output) -> f64 {
-    let of = |c: &Contact| {
+pub(super) fn rest_of(s: &LinearMode, [displacement, velocity, wave]: [f64; 3], output: &Output) -> f64 {
+    let of = |c: &LinearContact| {
         let [e, rate, _] = c.error_sizes;
         [c.across * displacement + e * wave, c.across * velocity + rate * wave]
     };
     match output {
-        Output::Deflection(j) => of(&motion.structure.contacts[*j])[0],
-        Output::Force(a) => {
-            let c = &motion.structure.contacts[a.contact];
+        Output::Deflection(j) => of(&s.contacts[*j])[0],
+        Output::Force(j) => {
+            let c = &s.contacts[*j];
             let [d, r] = of(c);
-            c.stiffest * d + a.force.damping().unwrap_or(0.0) * r
+            c.stiffest * d + c.damping() * r
         }
     }
 }

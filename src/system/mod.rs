@@ -28,7 +28,7 @@ mod view;
 
 pub(crate) use acting::{ActiveContact, Elasticity, Force};
 pub use assemble::{Contact, Structure};
-pub(crate) use assemble::{LoadWave, Oscillator, PerContact, Spring, Wave, dot, zeros};
+pub(crate) use assemble::{LoadWave, Oscillator, PerContact, Sparse, Spring, Wave, dot, zeros};
 pub use automaton::{Start, StartError};
 pub use check::AssembleError;
 pub(crate) use columns::{Block, FourColumns, VectorColumns};

@@ -46,11 +46,7 @@ const POWER: &str =
     r#"{ "kind": "power", "exponent": "3/2", "hysteresis": "lankarani-nikravesh", "restitution": 0.7 }"#;
 
 fn verify(scene: &str, words: &[&str]) -> (TempDir, assert_cmd::assert::Assert) {
-    verify_by(Command::cargo_bin("flank").unwrap(), scene, words)
-}
-
-fn verify_by(mut command: Command, scene: &str, words: &[&str]) -> (TempDir, assert_cmd::assert::Assert) {
-    let folder = tempfile::tempdir().unwrap();
+    let (folder, mut command) = (tempfile::tempdir().unwrap(), Command::cargo_bin("flank").unwrap());
     fs::write(folder.path().join("scene.json"), scene).unwrap();
     let done = command.current_dir(&folder).args(["run", "scene.json", "--quiet", "--out", "out"]).args(words).assert();
     (folder, done)
@@ -195,7 +191,7 @@ fn another_contact_is_found() {
     }
 }
 
-/// A body on a floor under two harmonics whose sum the step rule of old takes for a cosine: it leaves too late.
+/// A body on a floor under two harmonics whose sum is close to a cosine at first.
 fn resting() -> String {
     r#"{ "flank": 1, "train": { "kind": "wall", "mass_kg": 2, "load_n": -1, "damping_n_s_per_m": 0.2,
         "load_harmonics": [{ "amplitude_n": 0.9, "frequency_rad_per_s": 1.0, "phase_rad": 1.9 },
@@ -205,55 +201,39 @@ fn resting() -> String {
         .to_owned()
 }
 
-/// Scenes that the step rule of old got wrong.
-fn blind() -> [String; 4] {
-    let run = r#"{ "cycles": 4 }"#;
-    [
-        pair(LINEAR, 0.0, run),
-        pair(POWER, 0.0, run),
-        pair(r#"{ "kind": "rigid", "restitution": 0.6 }"#, 0.0, run),
-        resting(),
-    ]
-    .map(|scene| {
-        scene.replace(r#""stiffness": 2e8, "#, if scene.contains("rigid") { "" } else { r#""stiffness": 2e8, "# })
-    })
-}
-
-/// The command with the step rule of old.
-fn old() -> Command {
-    let mut command = Command::cargo_bin("flank").unwrap();
-    command.env("FLANK_OLD_STEPS", "1");
-    command
+/// A run whose integrator is so coarse that events are late.
+fn coarse(tolerance: f64) -> String {
+    let integrator = format!(r#"{{ "method": "bdf", "tolerance": {tolerance:e} }}"#);
+    pair(LINEAR, 0.0, &format!(r#"{{ "cycles": 4, "verify": true, "integrator": {integrator} }}"#))
 }
 
 #[test]
-#[cfg_attr(not(debug_assertions), ignore = "needs a build with debug assertions")]
-fn the_step_rule_of_old_is_noticed() {
-    for scene in blind() {
-        let (folder, done) = verify_by(old(), &scene, &["--verify"]);
-        let text = String::from_utf8(done.code(1).get_output().stderr.clone()).unwrap();
-        assert!(text.contains("the check by"), "{scene}: {text}");
-        assert!(folder.path().join("out/events.jsonl").exists());
-        assert!(summary(&folder)["verification"]["difference"].as_str().unwrap().contains("the check by"));
-    }
+fn a_coarse_integration_is_noticed() {
+    let (folder, done) = verify(&coarse(1e-2), &[]);
+    let text = String::from_utf8(done.code(1).get_output().stderr.clone()).unwrap();
+    assert!(text.contains("the check by"), "{text}");
+    assert!(folder.path().join("out/events.jsonl").exists());
+    assert!(summary(&folder)["verification"]["difference"].as_str().unwrap().contains("the check by"));
 }
 
 #[test]
-#[cfg_attr(not(debug_assertions), ignore = "needs a build with debug assertions")]
 fn a_wrong_row_of_a_sweep_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = pair(LINEAR, 0.0, r#"{ "cycles": 4, "verify": true }"#);
-    fs::write(folder.path().join("scene.json"), scene).unwrap();
-    let axis = "/train/mesh/error/0/phase_rad=0,1.1";
-    old().current_dir(&folder).args(["sweep", "scene.json", "--quiet", "--vary", axis]).assert().code(3);
+    fs::write(folder.path().join("scene.json"), coarse(1e-2)).unwrap();
+    let axis = "/run/integrator/tolerance=1e-2,1e-13";
+    let mut command = Command::cargo_bin("flank").unwrap();
+    command.current_dir(&folder).args(["sweep", "scene.json", "--quiet", "--vary", axis]).assert().code(3);
     let table = fs::read_to_string(folder.path().join("sweep/sweep.csv")).unwrap();
     let rows: Vec<&str> = table.lines().skip(1).collect();
     assert!(rows[0].contains("the check by") && !rows[1].contains("the check by"), "{table}");
 }
 
+/// Scenes whose forcing an earlier step rule did not resolve.
 #[test]
-fn scenes_that_the_step_rule_of_old_got_wrong_pass() {
-    for scene in blind() {
+fn slowly_felt_forcing_is_resolved() {
+    let run = r#"{ "cycles": 4 }"#;
+    let rigid = pair(r#"{ "kind": "rigid", "restitution": 0.6 }"#, 0.0, run).replace(r#""stiffness": 2e8, "#, "");
+    for scene in [pair(LINEAR, 0.0, run), pair(POWER, 0.0, run), rigid, resting()] {
         verify(&scene, &["--verify"]).1.code(0);
     }
 }

@@ -369,9 +369,7 @@ fn modules_import_only_what_the_table_allows() {
         };
         for import in imports(&code(&read(&path))) {
             let [target, item @ ..] = &import[..] else { continue };
-            // A switch of tests, at the top of the crate.
             let fits = target == module
-                || target == "old_steps"
                 || row.iter().any(|(name, part)| {
                     name == target
                         && match part {
