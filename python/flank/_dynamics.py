@@ -137,7 +137,7 @@ class Ensemble:
 
     def __init__(self, scene: Scene, x0: npt.ArrayLike) -> None:
         self.scene = checked(scene)
-        self.x0 = numbers("x0", x0, 2)
+        self.x0 = numbers("x0", x0, 2).copy()
 
     def run(
         self,
@@ -528,7 +528,7 @@ def threshold(
     by: str = "deflection",
     **key: tuple[float, float],
 ) -> Record:
-    """Find the load below which meshes lose contact: a graze to all digits, or a bracket where the motion jumps.
+    """Find the load below which meshes lose contact: a graze, to rounding, or a bracket where the motion jumps.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from ._run import Run
@@ -19,6 +19,10 @@ class Error(Exception):
     """
 
     run: Run | None = None
+
+    def __reduce__(self) -> Any:
+        # A run belongs to its process.
+        return type(self), self.args, {name: value for name, value in vars(self).items() if name != "run"}
 
 
 class Fault(NamedTuple):

@@ -60,7 +60,7 @@ def sweep(
     /,
     *,
     seed: str = "fresh",
-    columns: Sequence[str] = (),
+    columns: str | Sequence[str] = (),
     tolerance: float | None = None,
     max_cycles: int | None = None,
     measure_cycles: int | None = None,
@@ -80,7 +80,7 @@ def sweep(
         Values by JSON pointer or key: an array, or ``"FROM:TO:COUNT"``, with ``:log`` for equal ratios.
     seed : {"fresh", "up", "down", "both"}
         Start of a point: as the scene says, or the end of its neighbour along the last axis.
-    columns : sequence of str
+    columns : str or sequence of str
         Measures of contacts, by their names without unit; the usual ones if empty.
     tolerance : float, optional
         Largest relative distance between the ends of an orbit, 1e-9 by default.
@@ -112,7 +112,7 @@ def sweep(
     """
     settings = {
         "seed": seed,
-        "columns": list(columns),
+        "columns": _listed(columns),
         "tolerance": number_or_none("tolerance", tolerance, 1e-13, 0.1),
         "max_cycles": whole_or_none("max_cycles", max_cycles, 1, 10**9),
         "measure_cycles": whole_or_none("measure_cycles", measure_cycles, 1, 10**5),
@@ -121,9 +121,9 @@ def sweep(
     def work(texts: list[str], grid: dict[str, Any]) -> Any:
         table, interrupted = _flank.sweep(scene._core, texts, settings, grid)
         known = [name.rpartition(" ")[2] for name, _, _ in table]
-        if table and not all(any(name.startswith(column) for name in known) for column in columns):
+        if table and not all(any(name.startswith(column) for name in known) for column in _listed(columns)):
             allowed = f"columns of the finished sweep in {grid['out']}: {', '.join(dict.fromkeys(known))}"
-            raise refuse(Fault("columns", ", ".join(columns), allowed, "name another folder, or compute anew by replace=True"))
+            raise refuse(Fault("columns", ", ".join(_listed(columns)), allowed, "name another folder, or compute anew by replace=True"))
         return table, interrupted
 
     points = _points(scene, {**(axes or {}), **keys}, _pointer)
@@ -135,7 +135,7 @@ def map(
     axes: Mapping[str, Axis] | None = None,
     /,
     *,
-    columns: Sequence[str] = (),
+    columns: str | Sequence[str] = (),
     transient: int = 200,
     further: int = 500,
     out: str | os.PathLike[str] | None = None,
@@ -150,7 +150,7 @@ def map(
     ----------
     scene, axes, out, replace, threads, progress, **keys
         As for :func:`sweep`, with two axes; the files are those of ``flank map``.
-    columns : sequence of str
+    columns : str or sequence of str
         Measures of contacts, by their names without unit; ``apart_fraction`` if empty.
     transient : int
         Cycles of the transient, from 1.
@@ -165,7 +165,7 @@ def map(
     cycles = _cycles(transient, further)
 
     def work(texts: list[str], grid: dict[str, Any]) -> Any:
-        return _flank.kinds(scene._core, texts, list(columns), cycles, grid)
+        return _flank.kinds(scene._core, texts, _listed(columns), cycles, grid)
 
     points = _points(scene, {**(axes or {}), **keys}, _pointer)
     return _dataset("map", scene, points, work, (out, replace, threads, progress))
@@ -230,6 +230,10 @@ def basins(
     return data
 
 
+def _listed(columns: str | Sequence[str]) -> list[str]:
+    return [columns] if isinstance(columns, str) else list(columns)
+
+
 def _cycles(transient: int, further: int) -> tuple[int, int]:
     return whole("transient", transient, 1, 10**9), whole("further", further, 100, 10**6)
 
@@ -262,16 +266,23 @@ def _points(scene: Scene, axes: Mapping[str, Axis], pointer: Callable[[Scene, st
                 array = np.atleast_1d(numbers(key, values, 1))
                 if not len(array):
                     raise refuse(Fault(key, "no values", "one value at least", "write the values of the axis"))
-                if len(np.unique(array)) < len(array):
-                    raise refuse(Fault(key, "a value twice", "different values", "leave one of them out"))
                 # Each number in the digits that read as the same double.
                 values = ",".join([repr(value) for value in array.tolist()])
+            if _repeats(values.split(",")):
+                raise refuse(Fault(key, "a value twice", "different values", "leave one of them out"))
             points[key] = name, f"{name}={values}"
         except SceneError as error:
             faults += error.faults
     if faults:
         raise refuse(*faults)
     return points
+
+
+def _repeats(values: list[str]) -> bool:
+    try:
+        return len({float(value) for value in values}) < len(values)
+    except ValueError:
+        return False
 
 
 def _dataset(

@@ -80,9 +80,16 @@ class Named(Mapping[str, Record]):
             raise KeyError(f"there is no {name!r}; there are {known}") from None
 
     def __getattr__(self, name: str) -> Record:
-        if name.startswith("_") or name not in self._records:
-            raise AttributeError(f"{type(self).__name__} has no {name!r}; it has {', '.join(map(repr, self._records))}")
-        return self._records[name]
+        if name.startswith("_"):
+            raise AttributeError(name)
+        try:
+            return self._records[name]
+        except KeyError:
+            known = ", ".join(map(repr, self._records))
+            raise AttributeError(f"{type(self).__name__} has no {name!r}; it has {known}") from None
+
+    def __reduce__(self) -> Any:
+        return type(self), ([record.to_dict() for record in self._records.values()],)
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *(name for name in self._records if name.isidentifier())]

@@ -252,7 +252,15 @@ def bar(progress: Any, kind: str, name: str, total: int | None = None) -> Iterat
     if not callable(progress) and not isinstance(progress, bool):
         raise refuse(Fault("progress", repr(progress), "True, False, or a callable of one argument", ""))
     if callable(progress):
-        yield lambda units, share: progress(share if kind == "share" else units / (total or 1))
+        done = 0.0
+
+        def report(units: int, share: float) -> None:
+            nonlocal done
+            done = max(done, share if kind == "share" else units / (total or 1))
+            progress(done)
+
+        yield report
+        progress(1.0)
         return
     if not progress:
         yield None

@@ -56,7 +56,11 @@ def load(scene: str | os.PathLike[str] | Mapping[str, Any] | None = None, *, nam
         return Scene(_flank.Scene.reference())
     if isinstance(scene, Mapping):
         return Scene(_flank.Scene.from_json(_json(scene), name))
-    return Scene(_flank.Scene.from_file(os.fspath(scene)))
+    if isinstance(scene, (str, bytes, os.PathLike)):
+        return Scene(_flank.Scene.from_file(os.fspath(scene)))
+    raise refuse(
+        Fault("scene", f"{repr(scene)[:80]} of type {type(scene).__name__}", "a path or a mapping", "read a file, or a dictionary")
+    )
 
 
 def schema() -> dict[str, Any]:

@@ -87,6 +87,10 @@ def test_a_threshold_is_a_graze_of_the_motion(spur):
     for factor, is_apart in ((1 + 1e-6, False), (1 - 1e-6, True)):
         data = flank.sweep(spur, torque_nm=[torque * factor], progress=False)
         assert bool(data["apart_fraction"].item() > 0) == is_apart
+    # The stated uncertainty covers the differences of searches in other ranges.
+    others = [flank.threshold(spur, torque_nm=ends).threshold for ends in ((24, 26), (10, 40))]
+    for other in others:
+        assert abs(other.value - torque) <= other.uncertainty + found.threshold.uncertainty
     with pytest.raises(flank.SceneError, match="by"):
         flank.threshold(spur, by="sound")
 

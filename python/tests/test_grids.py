@@ -120,6 +120,8 @@ def test_a_finished_folder_with_other_columns_is_refused(pair, tmp_path):
         (lambda pair: flank.sweep(pair, mean_load=[0.1, 0.2], measure_cycles=-1), "measure_cycles"),
         (lambda pair: flank.sweep(pair, mean_load=[0.1, np.inf]), "mean_load"),
         (lambda pair: flank.sweep(pair, mean_load=["a", "b"]), "mean_load"),
+        (lambda pair: flank.sweep(pair, mean_load=[]), "mean_load"),
+        (lambda pair: flank.sweep(pair, mean_load="0.1,0.10"), "mean_load"),
         (lambda pair: flank.map(pair, mean_load=[0.1, 0.2], frequency=[0.5, 0.6], further=0), "further"),
         (lambda pair: flank.Ensemble(pair, [[np.nan, 0.0]]), "x0"),
         (lambda pair: flank.Ensemble(pair, [[1.0, 0.0]]).run(2**50), "cycles"),

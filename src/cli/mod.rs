@@ -75,7 +75,7 @@ enum Command {
     Advise(advise::AdviseArguments),
     /// Measure the steady motion at every point of a grid of scene numbers
     Sweep(sweep::SweepArguments),
-    /// Find the load below which meshes lose contact: a graze to all digits, or a bracket where the motion jumps
+    /// Find the load below which meshes lose contact: a graze, to rounding, or a bracket where the motion jumps
     Threshold(threshold::ThresholdArguments),
     /// Decide what the motion is in every cell over two numbers: periodic, chaotic, teeth apart, one flank or both
     Map(map::MapArguments),

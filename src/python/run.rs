@@ -133,8 +133,11 @@ impl PythonRun {
             }
         };
         let last = match &grid {
-            // Beyond the last time by its rounding, so that an event there is passed.
-            Grid::Times(times) => times.last().map_or(self.end, |t| clock.instant(t.next_up().next_up())),
+            // Beyond the last time by the rounding of the run's times, so that an event there is passed.
+            Grid::Times(times) => {
+                let rounding = 2.0 * f64::EPSILON * from.abs().max(to.abs());
+                times.last().map_or(self.end, |t| clock.instant(t + rounding))
+            }
             _ => self.end,
         };
         let end = if clock.between(last, self.end) > 0.0 { last } else { self.end };

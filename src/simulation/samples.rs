@@ -9,7 +9,7 @@ use std::{
 use super::{Simulation, SimulationError};
 use crate::{
     analysis::{Grid, Sample, Trajectory},
-    engine::{Observer, Outcome},
+    engine::{Engine, Observer, Options, Outcome},
     hybrid::{ContactView, Instant, Mode},
     integrate::DenseStep,
     output::csv_line,
@@ -150,8 +150,9 @@ impl Simulation {
         {
             return Err(self.missing("the times of its samples are not in rising order"));
         }
-        // The run that is sampled has passed its limit on events, or has ended before `end`.
-        let (mut engine, _) = self.limited(self.start()?, u64::MAX)?;
+        // The run that is sampled has passed its limits, or has ended before `end`.
+        let options = Options { max_events: u64::MAX, max_steps: u64::MAX, ..self.options() };
+        let mut engine = Engine::new(&self.structure, self.integrator()?.0, options, self.start()?);
         let columns = SampleColumns::new(self);
         let mut table = SampleTable { names: columns.names(), values: Vec::new() };
         let mut trajectory = Trajectory::new(&self.structure, grid, self.instants()[0], |sample: &Sample<'_>| {

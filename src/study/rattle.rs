@@ -60,7 +60,7 @@ pub enum Rattle {
     Graze {
         /// The value.
         value: f64,
-        /// Bound of its error as the last two roots differ.
+        /// Estimate of its error: difference of the last two roots, or rounding of the margin over its slope.
         uncertainty: f64,
         /// Contact that grazes.
         contact: String,
@@ -84,6 +84,8 @@ pub enum Rattle {
 struct QuietMotion {
     value: f64,
     margin: f64,
+    /// Rounding of the margin, a small difference of larger numbers.
+    rounding: f64,
     contact: String,
     is_periodic: bool,
     motion: String,
@@ -104,6 +106,9 @@ pub struct RattleSearch<'a> {
     /// Rule of the steady motions.
     pub rule: Rule,
 }
+
+/// Rounding of a deflection relative to its size, that of some ten steps included.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// Largest load tried without a range, in loads of the scene.
 const MOST: f64 = 512.0;
@@ -252,19 +257,34 @@ impl RattleSearch<'_> {
         let found = steady(scene, seed, &self.rule, task)?;
         let margins = found.contacts.iter().zip(&backlash).filter_map(|(contact, b)| {
             let report = &contact.report;
-            Some(match self.loss {
-                Loss::Deflection => (report.deflection_min? - b, report.apart_time > 0.0, &report.name),
-                Loss::Force => (report.force_min?, report.no_force_time > 0.0, &report.name),
-                Loss::BackFlank => (report.deflection_min? + b, report.back_contacts > 0, &report.name),
-            })
+            let deflection = report.deflection_max?.abs().max(*b);
+            let (margin, is_there, size) = match self.loss {
+                Loss::Deflection => (report.deflection_min? - b, report.apart_time > 0.0, deflection),
+                Loss::Force => {
+                    let stretch = report.deflection_max? - b;
+                    let force = report.force_max?;
+                    (report.force_min?, report.no_force_time > 0.0, force * (deflection / stretch).max(1.0))
+                }
+                Loss::BackFlank => (report.deflection_min? + b, report.back_contacts > 0, deflection),
+            };
+            Some((margin, is_there, ROUNDING * size, &report.name))
         });
         let least = margins.min_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((margin, _, contact)) = least.filter(|(margin, is_there, _)| !is_there && *margin > 0.0) else {
+        let Some((margin, _, rounding, contact)) = least.filter(|(margin, is_there, ..)| !is_there && *margin > 0.0)
+        else {
             return Ok(None);
         };
         let (contact, is_periodic) = (contact.clone(), found.motion.kind == MotionKind::Periodic);
         let Steady { motion, end, .. } = found;
-        Ok(Some(QuietMotion { value, margin, contact, is_periodic, motion: motion.kind.word().to_owned(), seed: end }))
+        Ok(Some(QuietMotion {
+            value,
+            margin,
+            rounding,
+            contact,
+            is_periodic,
+            motion: motion.kind.word().to_owned(),
+            seed: end,
+        }))
     }
 
     /// Returns the root of the margin from two motions above it, or a bracket if the margin does not tend to zero.
@@ -282,7 +302,8 @@ impl RattleSearch<'_> {
             let is_done = change.is_some_and(|change| change <= ACCURACY * root.abs());
             if is_done || width <= ACCURACY * b.value.abs() {
                 if is_done || b.is_periodic && b.margin <= NEGLIGIBLE * reach {
-                    let uncertainty = change.unwrap_or(width).max(f64::EPSILON * b.value.abs());
+                    let rounded = (a.rounding + b.rounding) / slope.abs();
+                    let uncertainty = change.unwrap_or(width).max(f64::EPSILON * b.value.abs()).max(rounded);
                     let value = if is_between { root } else { b.value };
                     return Ok(Rattle::Graze { value, uncertainty, contact: b.contact });
                 }
