@@ -154,7 +154,7 @@ struct Crossings<'w> {
 }
 
 impl Observer for Crossings<'_> {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
 

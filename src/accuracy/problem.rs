@@ -123,7 +123,7 @@ impl<'p> Passages<'p> {
 }
 
 impl Observer for Passages<'_> {
-    fn wants_steps(&self, _: &crate::hybrid::Mode) -> bool {
+    fn wants_steps(&self, _: &crate::hybrid::Mode, _: crate::hybrid::Instant) -> bool {
         false
     }
 

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{
     extent::Extent,
-    piece::{Piece, Polynomial, measured_parts},
+    piece::{Piece, Polynomial, is_measured, measured_parts},
     report::{BearingForce, BearingReport},
     sum::Sum,
     track::Spread,
@@ -120,6 +120,10 @@ impl<'s> Bearings<'s> {
 }
 
 impl Observer for Bearings<'_> {
+    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
+        !self.tracks.is_empty() && is_measured(&self.clock, self.from, until)
+    }
+
     fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let Self { piece, state, square, tracks, .. } = self;
         if tracks.is_empty() {

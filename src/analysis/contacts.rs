@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::{
     episode::{Blows, Episode, Moment, OpenEpisode, Separation, flank},
     extent::Extent,
-    piece::{Piece, Polynomial, measured_parts},
+    piece::{Piece, Polynomial, is_measured, measured_parts},
     report::ContactReport,
     sum::Sum,
     track::Track,
@@ -24,6 +24,8 @@ pub struct Contacts<'s, S: ?Sized> {
     clock: Clock,
     from: Option<Instant>,
     keep: usize,
+    /// True if episodes before the measured time are of no interest.
+    skips: bool,
     piece: Piece,
     rows: [Polynomial; 2],
     impulses: Vec<f64>,
@@ -41,6 +43,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             clock: *system.clock(),
             from,
             keep: usize::MAX,
+            skips: false,
             piece: Piece::new(*system.clock(), system.dim()),
             rows: Default::default(),
             impulses: vec![0.0; m],
@@ -53,6 +56,13 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     #[must_use]
     pub fn keep(mut self, entries: usize) -> Self {
         self.keep = entries;
+        self
+    }
+
+    /// Looks at the measured time alone: an episode that ends before it has no duration and no peaks.
+    #[must_use]
+    pub fn only_measured(mut self) -> Self {
+        self.skips = true;
         self
     }
 
@@ -286,6 +296,10 @@ pub(super) fn side_at<S: ContactView + ?Sized>(system: &S, j: usize, record: &Ev
 }
 
 impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
+    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
+        !self.skips || is_measured(&self.clock, self.from, until)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         for j in 0..self.tracks.len() {
             if self.tracks[j].spell.is_none() {

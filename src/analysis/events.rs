@@ -8,7 +8,7 @@ use super::contacts::{Contacts, side_at};
 use crate::{
     engine::{JumpRecord, Observer},
     event::EventRecord,
-    hybrid::{ContactMode, ContactView, HybridSystem, Mode},
+    hybrid::{ContactMode, ContactView, HybridSystem, Instant, Mode},
     integrate::DenseStep,
 };
 
@@ -122,6 +122,8 @@ pub struct EventRow {
 pub struct EventLog<'s, S: ?Sized, F> {
     system: &'s S,
     contacts: Contacts<'s, S>,
+    /// True if nobody reads the rows.
+    is_silent: bool,
     rows: u64,
     row: F,
 }
@@ -130,7 +132,15 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
     /// Returns a log that passes its rows to `row`. `contacts` runs inside it and needs no other observer.
     #[must_use]
     pub fn new(system: &'s S, contacts: Contacts<'s, S>, row: F) -> Self {
-        Self { system, contacts, rows: 0, row }
+        Self { system, contacts, is_silent: false, rows: 0, row }
+    }
+
+    /// Forms no rows, and measures in the measured time alone.
+    #[must_use]
+    pub fn silent(mut self) -> Self {
+        self.is_silent = true;
+        self.contacts = self.contacts.only_measured();
+        self
     }
 
     /// Returns the measures.
@@ -238,6 +248,10 @@ fn start(record: &EventRecord, on_flank: bool) -> Option<EventKind> {
 }
 
 impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<()>> Observer for EventLog<'_, S, F> {
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        self.contacts.wants_steps(mode, until)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.contacts.step(mode, step, until)
     }
@@ -252,6 +266,9 @@ impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<(
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         self.contacts.event(record)?;
+        if self.is_silent {
+            return ControlFlow::Continue(());
+        }
         let row = self.describe(record);
         self.rows += 1;
         (self.row)(row)

@@ -4,11 +4,14 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 
-use super::{piece::Piece, sum::Sum};
+use super::{
+    piece::{Piece, is_measured, measured_parts},
+    sum::Sum,
+};
 use crate::{
     engine::Observer,
     event::EventRecord,
-    hybrid::{Clock, HybridSystem, Mode, Power, PowerBalance},
+    hybrid::{Clock, HybridSystem, Instant, Mode, Power, PowerBalance},
     integrate::DenseStep,
 };
 
@@ -24,6 +27,8 @@ const POWERS: [Power; 5] = [Power::Load, Power::Error, Power::Parametric, Power:
 pub struct Ledger<'s, S: ?Sized> {
     system: &'s S,
     clock: Clock,
+    /// Start of the measured time; the start of the run if `None`.
+    from: Option<Instant>,
     piece: Piece,
     x: Vec<f64>,
     /// Largest displacement of each degree of freedom at the ends of steps, m.
@@ -55,7 +60,7 @@ const IMBALANCE: f64 = 0.005;
 /// Columns of the ledger, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Balance {
-    /// Energy at the start.
+    /// Energy where the ledger begins: at the start of the measured time.
     pub start: f64,
     /// Energy at the end.
     pub end: f64,
@@ -124,6 +129,7 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
         Self {
             system,
             clock: *system.clock(),
+            from: None,
             piece: Piece::new(*system.clock(), system.dim()),
             x: vec![0.0; system.dim()],
             reach: vec![0.0; system.dim()],
@@ -132,6 +138,13 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
             largest: 0.0,
             totals: Totals::default(),
         }
+    }
+
+    /// Begins at `from`, so that a transient is left out.
+    #[must_use]
+    pub fn since(mut self, from: Instant) -> Self {
+        self.from = Some(from);
+        self
     }
 
     /// Returns the largest size of each component of the state at the ends of steps, `[dim]`.
@@ -186,14 +199,21 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
 }
 
 impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
+    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
+        is_measured(&self.clock, self.from, until)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        let measured = measured_parts(&self.clock, self.from, step, until).find(|(.., is_measured)| *is_measured);
+        let Some((low, ..)) = measured else { return ControlFlow::Continue(()) };
         if self.start.is_none() {
-            step.state(0.0, &mut self.x);
-            let energy = self.system.energy(mode, step.start(), &self.x);
+            step.state(low, &mut self.x);
+            let at = self.clock.advance(step.start(), step.time(low));
+            let energy = self.system.energy(mode, at, &self.x);
             self.start = Some(energy);
             self.largest = energy.abs();
         }
-        self.piece.cut(step, 0.0, until);
+        self.piece.cut(step, low, until);
         let system = self.system;
         let work = self.piece.integrals(step, POWERS, |at, x| {
             let p = system.powers(mode, at, x);
@@ -214,7 +234,8 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        if record.graze {
+        let is_before = self.from.is_some_and(|from| self.clock.between(from, record.at) < 0.0);
+        if record.graze || is_before {
             return ControlFlow::Continue(());
         }
         if self.start.is_none() {

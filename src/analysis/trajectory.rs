@@ -118,6 +118,10 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
 }
 
 impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Observer for Trajectory<F> {
+    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
+        self.due().is_some_and(|at| self.clock.between(at, until) >= 0.0)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let span = step.time(until);
         // A sample exactly at the end has the state after an event there.

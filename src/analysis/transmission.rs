@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{
     extent::Extent,
-    piece::{Piece, Polynomial, measured_parts},
+    piece::{Piece, Polynomial, is_measured, measured_parts},
     quadrature::Quadrature,
     sum::Sum,
 };
@@ -211,6 +211,10 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
 }
 
 impl<S: HybridSystem + ContactView + ?Sized> Observer for TransmissionError<'_, S> {
+    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
+        is_measured(&self.clock, self.from, until)
+    }
+
     fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         for (low, high, is_measured) in measured_parts(&self.clock, self.from, step, until) {
             if !is_measured {

@@ -87,7 +87,7 @@ impl Leaps {
             let left_out = self.left_out;
             let tolerance = if is_again { FULL_PRECISION } else { share_of(truncation, self.count + 1) };
             let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance, left_out };
-            let shown = observer.wants_steps(&state.jump.mode);
+            let shown = observer.wants_steps(&state.jump.mode, at);
             let by_series = self.count > 0 && self.leap.is_series;
             let made = LeapCounts { leaps: self.count, arcs: core.counters.arcs, here: self.here, by_series };
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
@@ -99,6 +99,10 @@ impl Leaps {
                 continue;
             }
             let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
+            // Steps that an observer begins to look at are those of the series themselves.
+            if self.leap.is_series && !shown && observer.wants_steps(&state.jump.mode, end) {
+                return Ok(None);
+            }
             // Unlike `max`, this comparison exists as a vector instruction.
             self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = if *size > *e { *size } else { *e });
             let event = self.leap.passage.map(|passage| {
@@ -130,7 +134,7 @@ impl Leaps {
             }
             let mut breaks = false;
             // The record shown there may have made the observer watch steps from now on.
-            if observer.wants_steps(&point.state.jump.mode) {
+            if observer.wants_steps(&point.state.jump.mode, end) {
                 if let Some(end) = self.show(core, motion, point, end, observer)? {
                     return Ok(Some(end));
                 }

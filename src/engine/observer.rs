@@ -28,10 +28,10 @@ pub struct JumpRecord<'a> {
 
 /// Watches a run. Every method that returns a [`ControlFlow`] may stop it; the run then ends with an outcome, not an error.
 pub trait Observer {
-    /// Returns whether the observer looks at steps in `mode`. If not, the run omits the steps that it can, and passes a
-    /// [`leap`](Self::leap) in their place. The motion is the same, bit for bit.
-    fn wants_steps(&self, mode: &Mode) -> bool {
-        let _ = mode;
+    /// Returns whether the observer looks at steps in `mode` that end at `until`. If not, the run omits the steps that it can, and passes a
+    /// [`leap`](Self::leap) in their place. The motion is the same, bit for bit. An answer holds for all later instants.
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        let _ = (mode, until);
         true
     }
 
@@ -76,7 +76,7 @@ pub trait Observer {
 
 /// Watches nothing.
 impl Observer for () {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
 
@@ -91,8 +91,8 @@ impl Observer for () {
 
 /// Passes everything to both observers; either may stop the run.
 impl<A: Observer, B: Observer> Observer for (A, B) {
-    fn wants_steps(&self, mode: &Mode) -> bool {
-        self.0.wants_steps(mode) || self.1.wants_steps(mode)
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        self.0.wants_steps(mode, until) || self.1.wants_steps(mode, until)
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
@@ -133,8 +133,8 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
 
 /// Passes everything to the observer, if there is one.
 impl<T: Observer> Observer for Option<T> {
-    fn wants_steps(&self, mode: &Mode) -> bool {
-        self.as_ref().is_some_and(|observer| observer.wants_steps(mode))
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        self.as_ref().is_some_and(|observer| observer.wants_steps(mode, until))
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
@@ -167,8 +167,8 @@ impl<T: Observer> Observer for Option<T> {
 }
 
 impl<T: Observer + ?Sized> Observer for &mut T {
-    fn wants_steps(&self, mode: &Mode) -> bool {
-        (**self).wants_steps(mode)
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        (**self).wants_steps(mode, until)
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use crate::{
     engine::{JumpRecord, Observer, State},
-    hybrid::{ContactView, Mode},
+    hybrid::{ContactView, Instant, Mode},
     integrate::DenseStep,
     orbit::{Approach, Motion, Section, SectionMap, WatchTime, decide},
     simulation::{Simulation, SimulationError},
@@ -134,7 +134,7 @@ impl<'s> Flanks<'s> {
 }
 
 impl Observer for Flanks<'_> {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
 

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use crate::{
     engine::{Engine, JumpRecord, Observer, Outcome, State},
     gear::contact::Law,
-    hybrid::{Mode, Watch},
+    hybrid::{Instant, Mode, Watch},
     integrate::DenseStep,
     kernel::{Lane, LaneEvent, LaneRecords},
     orbit::{
@@ -102,8 +102,8 @@ impl RunnerObserver<'_, '_> {
 }
 
 impl Observer for RunnerObserver<'_, '_> {
-    fn wants_steps(&self, mode: &Mode) -> bool {
-        self.tangent.as_ref().is_some_and(|tangent| tangent.wants_steps(mode))
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        self.tangent.as_ref().is_some_and(|tangent| tangent.wants_steps(mode, until))
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {

@@ -11,7 +11,7 @@ use super::{
 use crate::{
     engine::{JumpRecord, Observer, Outcome, State},
     event::EventRecord,
-    hybrid::{GuardId, Mode, VectorField, Watch},
+    hybrid::{GuardId, Instant, Mode, VectorField, Watch},
     integrate::DenseStep,
     simulation::{Simulation, SimulationError},
     system::{Evaluation, Structure, Variation},
@@ -187,8 +187,8 @@ struct Watcher<'b> {
 }
 
 impl Observer for Watcher<'_> {
-    fn wants_steps(&self, mode: &Mode) -> bool {
-        self.tangent.wants_steps(mode)
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        self.tangent.wants_steps(mode, until)
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::{Drift, Tangent};
 use crate::{
     engine::{JumpRecord, Observer, State},
-    hybrid::{HybridSystem, Mode},
+    hybrid::{HybridSystem, Instant, Mode},
     integrate::DenseStep,
     simulation::Simulation,
     system::Columns,
@@ -247,8 +247,8 @@ impl<'s> Frame<'s> {
 }
 
 impl Observer for Frame<'_> {
-    fn wants_steps(&self, mode: &Mode) -> bool {
-        self.tangent.wants_steps(mode)
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        self.tangent.wants_steps(mode, until)
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {

@@ -33,7 +33,7 @@ pub const EXPONENTS: &str = "exponents";
 struct Jumps(Vec<(Instant, Vec<f64>, Vec<f64>)>);
 
 impl Observer for Jumps {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
 

@@ -86,7 +86,7 @@ pub struct SectionMap<'a> {
 struct CancelObserver<'a>(Task<'a>);
 
 impl Observer for CancelObserver<'_> {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
 

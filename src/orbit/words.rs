@@ -266,7 +266,7 @@ impl<'s> WordObserver<'s> {
 }
 
 impl Observer for WordObserver<'_> {
-    fn wants_steps(&self, _: &crate::hybrid::Mode) -> bool {
+    fn wants_steps(&self, _: &crate::hybrid::Mode, _: crate::hybrid::Instant) -> bool {
         false
     }
 

@@ -136,6 +136,7 @@ impl<'a> Job<'a> {
         let mut folder = request.map(|request| request.open()).transpose()?;
         let mut file = |name: &str| folder.as_mut().filter(|_| logged).map(|folder| folder.create(name)).transpose();
         let files = [file(EVENTS)?, file(TABLE)?];
+        let is_read = is_kept || logged || rows.is_some();
         let mut keep = |row| {
             if let Some(take) = &mut rows {
                 return take(row);
@@ -156,7 +157,10 @@ impl<'a> Job<'a> {
             row.inherited_uncertainty = amplified.get();
             rows.take(row)
         });
-        let mut ledger = Ledger::new(structure);
+        if !is_read {
+            log = log.silent();
+        }
+        let mut ledger = Ledger::new(structure).since(measured);
         let contacts = 0..structure.contacts().len();
         let mut transmission = TransmissionError::new(structure, contacts.clone(), HARMONICS, Some(measured));
         let mut bearings = Bearings::new(structure, Some(measured));
@@ -167,7 +171,7 @@ impl<'a> Job<'a> {
             None => ControlFlow::Continue(()),
         });
         let clock = structure.clock();
-        let mut watch = ProgressObserver { task, clock, from, span: clock.between(from, end), steps: 0 };
+        let mut watch = ProgressObserver { task, clock, at: from, from, span: clock.between(from, end), steps: 0 };
         let measures = ((&mut log, &mut check), (&mut ledger, (&mut transmission, &mut bearings)));
         let result = engine.run(end, &mut (((&mut inherited, measures), (&mut trajectory, &mut watch)), &mut observer));
         let state = engine.state();
@@ -271,22 +275,36 @@ fn alarm(
 struct ProgressObserver<'a> {
     task: Task<'a>,
     clock: &'a Clock,
+    /// Instant that the run has reached, without the leaps since.
+    at: Instant,
     from: Instant,
     span: f64,
     steps: u32,
 }
 
-impl Observer for ProgressObserver<'_> {
-    fn step(&mut self, _: &Mode, step: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+impl ProgressObserver<'_> {
+    /// Takes note of a step or leap that starts at `at`.
+    fn count(&mut self, at: Instant) -> ControlFlow<()> {
+        self.at = at;
         self.steps = (self.steps + 1) % EVERY;
         if self.steps == 0 {
-            self.task.report(Progress::Share(self.clock.between(self.from, step.start()) / self.span));
+            self.task.report(Progress::Share(self.clock.between(self.from, at) / self.span));
         }
         self.task.flow()
     }
+}
 
-    fn leap(&mut self, _: &Mode, _: f64) -> ControlFlow<()> {
-        self.task.flow()
+impl Observer for ProgressObserver<'_> {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
+        false
+    }
+
+    fn step(&mut self, _: &Mode, step: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+        self.count(step.start())
+    }
+
+    fn leap(&mut self, _: &Mode, time: f64) -> ControlFlow<()> {
+        self.count(self.clock.advance(self.at, time))
     }
 
     fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {

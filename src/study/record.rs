@@ -83,7 +83,7 @@ impl Modes<'_> {
 }
 
 impl Observer for Modes<'_> {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
 

@@ -8,7 +8,7 @@ use super::Tangent;
 use crate::{
     engine::{JumpRecord, Observer, State},
     event::EventRecord,
-    hybrid::{HybridSystem, Mode, VectorField},
+    hybrid::{HybridSystem, Instant, Mode, VectorField},
     integrate::DenseStep,
     system::{Columns, Structure},
 };
@@ -111,8 +111,8 @@ impl<'s> Inherited<'s> {
 }
 
 impl Observer for Inherited<'_> {
-    fn wants_steps(&self, mode: &Mode) -> bool {
-        self.tangent.wants_steps(mode)
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        self.tangent.wants_steps(mode, until)
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {

@@ -231,7 +231,7 @@ pub(crate) fn zeros(dead: &[(usize, Vec<bool>)], written: &[bool]) -> usize {
 }
 
 impl Observer for Tangent<'_> {
-    fn wants_steps(&self, mode: &Mode) -> bool {
+    fn wants_steps(&self, mode: &Mode, _: Instant) -> bool {
         !self.variations.is_empty() || !self.structure.is_affine(mode)
     }
 

@@ -230,7 +230,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
 }
 
 impl<S: HybridSystem + ContactView> Observer for Verifier<'_, S> {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
 

@@ -16,7 +16,7 @@ use serde_json::json;
 struct Watching(u64);
 
 impl Observer for Watching {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: flank::hybrid::Instant) -> bool {
         false
     }
 

@@ -26,7 +26,7 @@ fn simulation(name: &str, cycles: u64, tolerance: f64) -> Simulation {
 struct Stated(Vec<f64>);
 
 impl Observer for Stated {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: flank::hybrid::Instant) -> bool {
         false
     }
 

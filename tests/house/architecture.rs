@@ -215,7 +215,7 @@ const BUDGET: usize = 400;
 /// Lines that a room may have, comments included: its size of today, so that growth is a decision.
 const ROOMS: &[(&str, usize)] = &[
     ("accuracy", 2620),
-    ("analysis", 2480),
+    ("analysis", 2520),
     ("baseline", 1500),
     ("branch", 3080),
     ("cli", 4240),
@@ -236,7 +236,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("poly", 1400),
     ("python", 1300),
     ("scene", 4890),
-    ("simulation", 2330),
+    ("simulation", 2340),
     ("study", 9700),
     ("sweep", 1740),
     ("system", 5070),

@@ -19,7 +19,7 @@ use super::support::engine;
 pub struct First(pub Option<EventRecord>);
 
 impl Observer for First {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: flank::hybrid::Instant) -> bool {
         false
     }
 

@@ -28,7 +28,7 @@ struct Records {
 }
 
 impl Observer for Records {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         self.sees_steps
     }
 
@@ -273,7 +273,7 @@ fn l40_observers_may_begin_to_look_at_any_event() {
         seen: u64,
     }
     impl Observer for Late {
-        fn wants_steps(&self, _: &Mode) -> bool {
+        fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
             self.looks
         }
 

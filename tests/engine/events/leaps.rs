@@ -121,7 +121,7 @@ impl Pieces {
 }
 
 impl Observer for Pieces {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: flank::hybrid::Instant) -> bool {
         false
     }
 

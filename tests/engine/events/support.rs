@@ -27,7 +27,7 @@ pub struct Log {
 }
 
 impl Observer for Log {
-    fn wants_steps(&self, _: &Mode) -> bool {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
 
