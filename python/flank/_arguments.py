@@ -6,6 +6,7 @@ import operator
 import os
 import sys
 import warnings
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ def number_or_none(name: str, value: Any, least: float, most: float) -> float | 
     """Return a number in a range, or None."""
     if value is None:
         return None
-    is_real = np.isscalar(value) and not isinstance(value, (bool, str, complex))
+    is_real = isinstance(value, Real) and not isinstance(value, bool)
     if not (is_real and least <= float(value) <= most):
         raise refuse(Fault(name, repr(value), f"a number from {least:g} to {most:g}", "write a number in this range"))
     return float(value)

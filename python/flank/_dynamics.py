@@ -15,7 +15,7 @@ from ._arguments import numbers, refuse, threads_or_none, warn, whole, whole_or_
 from ._errors import Error, Fault
 from ._flank import Section
 from ._records import Record
-from ._run import bar
+from ._run import bar, finish
 from ._scene import Scene, checked
 
 Array = npt.NDArray[np.float64]
@@ -178,6 +178,7 @@ class Ensemble:
             raise refuse(Fault("cycles", found, f"states of at most {MEMORY:.0e} bytes", "take fewer cycles, or a larger every"))
         with bar(progress, "units", "members", len(self.x0)) as report:
             states, failures = _flank.sections(self.scene._core, self.x0, length, threads_or_none(threads), report)
+        finish(progress)
         self.scene._warn()
         if failures:
             member, reason = failures[0]
@@ -312,6 +313,7 @@ def _search(scene: Scene, period: int | None, starts: int, threads: int | None, 
     period, starts = whole_or_none("period", period, 1, 10**4), whole("starts", starts, 0, 10**9)
     with bar(progress, "share", "orbits") as report:
         found = Record(json.loads(_flank.orbits(scene._core, period, starts, threads_or_none(threads), report)))
+    finish(progress)
     scene._warn()
     if found["orbits"] and found["reason"]:
         warn(f"{scene.name}: {found['reason']}")
@@ -415,6 +417,7 @@ def exponents(
     cycles, finite = whole_or_none("cycles", cycles, 1, 10**9), whole_or_none("finite", finite, 1, 10**9)
     with bar(progress, "share", "exponents") as report:
         found = Exponents(json.loads(_flank.exponents(scene._core, cycles, without_saltation, finite, report)))
+    finish(progress)
     scene._warn()
     if found.reason:
         warn(f"{scene.name}: {found.reason}")
@@ -509,6 +512,7 @@ def continuation(
     first = whole_or_none("period", period, 1, 10**4), whole("doublings", doublings, 0, 100)
     with bar(progress, "share", "branches") as report:
         found, left_out = _flank.branches(scene._core, pointers, ends_of(str(keys), ends), first, threads_or_none(threads), report)
+    finish(progress)
     scene._warn()
     if left_out:
         text = f"{left_out} further branches are not followed: take a shorter range or fewer doublings"

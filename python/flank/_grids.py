@@ -16,7 +16,7 @@ from . import _flank
 from ._arguments import number_or_none, numbers, refuse, threads_or_none, warn, whole, whole_or_none
 from ._errors import Fault, Interrupted, SceneError
 from ._records import optional
-from ._run import bar
+from ._run import bar, finish
 from ._scene import Scene, checked
 
 Axis = str | npt.ArrayLike
@@ -307,6 +307,7 @@ def _dataset(
     if interrupted is not None:
         kept = "" if out is None else f"; finished rows are kept in {folder}, and the same call goes on"
         raise Interrupted(f"interrupted{kept}") if isinstance(interrupted, Interrupted) else interrupted
+    finish(progress)
     columns = {column: _values(values, words) for column, values, words in table}
     pointers = [pointer for pointer, _ in points.values()]
     keys = _names(list(points), pointers, {column.rpartition(" ")[2] for column in columns if column not in pointers})

@@ -21,6 +21,9 @@ SAMPLES = 4097
 PER_CYCLE = 128
 """Least number of points of a cycle."""
 
+MOST = 2**20
+"""Largest number of points of a line."""
+
 AWAY = 2.0
 """Distance of a flank from the motion, in heights of the motion, beyond which the picture leaves it out."""
 
@@ -42,8 +45,8 @@ def plot_run(run: Run, contact: str | int, cycles: int, axes: Any) -> Any:
     period, (start, end) = run.summary.train.cycle, run._core.span
     points = SAMPLES
     if period is not None:
-        start = max(start, end - whole("cycles", cycles, 1, 10**4) * period)
-        points = max(points, 1 + round(PER_CYCLE * (end - start) / period))
+        start = max(start, end - whole("cycles", cycles, 1, 10**12) * period)
+        points = min(max(points, 1 + round(PER_CYCLE * (end - start) / period)), MOST)
     motion = run.trajectory(np.linspace(start, end, points))
     scale, length, unit, time = (1.0, "", "", "") if run.scene.dimensionless else (1e6, " in µm", " in N", " in s")
     t, force = motion.t, motion.force[:, j]

@@ -64,6 +64,7 @@ class Run:
             if isinstance(failure, Error):
                 failure.run = run
             raise failure
+        finish(progress)
         budget = scene.resolved["run"]["event_budget"]
         if run.outcome.kind == "event-budget-spent" and run.work.events >= budget:
             text = f"the event budget of the scene, {budget}, was spent in cycle {run.outcome.cycle}: raise event_budget"
@@ -92,7 +93,7 @@ class Run:
 
     @property
     def energy(self) -> Record:
-        """Energy balance, J."""
+        """Energy balance of the measured time, J."""
         record: Record = self._summary["energy"]
         return record
 
@@ -246,6 +247,12 @@ class Trajectory:
         return xarray.Dataset(data, coordinates)
 
 
+def finish(progress: Any) -> None:
+    """Tell a callback that work is done."""
+    if callable(progress):
+        progress(1.0)
+
+
 @contextlib.contextmanager
 def bar(progress: Any, kind: str, name: str, total: int | None = None) -> Iterator[Callable[[int, float], None] | None]:
     """Give a callback that shows the share that is done, or the number of finished rows."""
@@ -260,7 +267,6 @@ def bar(progress: Any, kind: str, name: str, total: int | None = None) -> Iterat
             progress(done)
 
         yield report
-        progress(1.0)
         return
     if not progress:
         yield None

@@ -59,7 +59,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         self
     }
 
-    /// Looks at the measured time alone: an episode that ends before it has no duration and no peaks.
+    /// Looks at the measured time alone: durations and peaks of earlier episodes are incomplete.
     #[must_use]
     pub fn only_measured(mut self) -> Self {
         self.skips = true;

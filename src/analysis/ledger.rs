@@ -34,6 +34,8 @@ pub struct Ledger<'s, S: ?Sized> {
     /// Largest displacement of each degree of freedom at the ends of steps, m.
     reach: Vec<f64>,
     start: Option<f64>,
+    /// Number of steps of the measured time.
+    steps: u64,
     end: f64,
     largest: f64,
     totals: Totals,
@@ -134,6 +136,7 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
             x: vec![0.0; system.dim()],
             reach: vec![0.0; system.dim()],
             start: None,
+            steps: 0,
             end: 0.0,
             largest: 0.0,
             totals: Totals::default(),
@@ -151,6 +154,12 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
     #[must_use]
     pub fn reach(&self) -> &[f64] {
         &self.reach
+    }
+
+    /// Returns the number of steps of the measured time.
+    #[must_use]
+    pub fn steps(&self) -> u64 {
+        self.steps
     }
 
     /// Returns the columns so far.
@@ -213,6 +222,7 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
             self.start = Some(energy);
             self.largest = energy.abs();
         }
+        self.steps += 1;
         self.piece.cut(step, low, until);
         let system = self.system;
         let work = self.piece.integrals(step, POWERS, |at, x| {
@@ -234,8 +244,11 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        let is_before = self.from.is_some_and(|from| self.clock.between(from, record.at) < 0.0);
-        if record.graze || is_before {
+        // The record of a summed impact sequence has the time of its end, which is ahead of the state.
+        let early = record.accumulation.map_or(0.0, |sum| sum.remaining);
+        let is_before = |from| self.clock.between(from, record.at) < early;
+        // An event is moved by rounding: once begun, the ledger takes all.
+        if record.graze || self.start.is_none() && self.from.is_some_and(is_before) {
             return ControlFlow::Continue(());
         }
         if self.start.is_none() {

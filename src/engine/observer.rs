@@ -29,7 +29,8 @@ pub struct JumpRecord<'a> {
 /// Watches a run. Every method that returns a [`ControlFlow`] may stop it; the run then ends with an outcome, not an error.
 pub trait Observer {
     /// Returns whether the observer looks at steps in `mode` that end at `until`. If not, the run omits the steps that it can, and passes a
-    /// [`leap`](Self::leap) in their place. The motion is the same, bit for bit. An answer holds for all later instants.
+    /// [`leap`](Self::leap) in their place. The motion is the same, bit for bit. Steps that the run does not omit are passed in any case. An
+    /// observer that wants steps up to an instant wants those up to later ones too, as long as it receives nothing.
     fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
         let _ = (mode, until);
         true

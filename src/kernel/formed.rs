@@ -52,23 +52,23 @@ impl Motion<'_> {
 /// Maximum number of propagators that a thread keeps, some ten kilobytes each.
 const MOST_FORMED: usize = 4096;
 
-/// Propagators by their modes, in groups by the bits of L and Ω.
+/// Propagators by their modes, in groups of equal hashes.
 #[derive(Default)]
 struct FormedPropagators {
-    groups: HashMap<[u64; 2], Vec<(LinearMode, Rc<Propagator>)>>,
+    groups: HashMap<u64, Vec<(LinearMode, Rc<Propagator>)>>,
     count: usize,
 }
 
 thread_local! {
-    /// Propagators formed on this thread: trains that differ in load or backlash alone share them, and forming one costs as much as some
-    /// hundred spans.
+    /// Propagators formed on this thread: trains that differ in the size of one load or in backlash alone share them, and forming one costs
+    /// as much as some hundred spans.
     static FORMED: RefCell<FormedPropagators> = RefCell::default();
 }
 
 impl FormedPropagators {
     /// Returns the propagator of a mode, formed now if it is not known; `None` if the mode has none.
     fn of(&mut self, mode: LinearMode) -> Option<Rc<Propagator>> {
-        let key = [mode.rate, mode.frequency].map(f64::to_bits);
+        let key = mode.hash();
         if let Some((_, known)) = self.groups.get(&key).and_then(|group| group.iter().find(|(of, _)| *of == mode)) {
             return Some(Rc::clone(known));
         }

@@ -1,5 +1,7 @@
 //! Numbers of a linear mode from which its propagator is formed.
 
+use std::hash::{DefaultHasher, Hasher};
+
 use smallvec::SmallVec;
 
 use super::{
@@ -13,8 +15,8 @@ use crate::{
     vectors::Instructions,
 };
 
-/// All numbers from which a propagator is formed: code that forms one sees nothing else, so that equal modes have equal propagators.
-/// Places of flanks, restitution and the size of the load are not among them: trains that differ in these alone share propagators.
+/// All numbers from which a propagator is formed: code that forms one sees nothing else, so that equal modes have equal propagators, but
+/// for the signs of zeros. Places of flanks, restitution and, under constant stiffnesses, the size of the load are not among them.
 #[derive(Debug, PartialEq)]
 pub(super) struct LinearMode {
     /// Number of degrees of freedom.
@@ -92,6 +94,24 @@ pub(super) fn load_size(load: &[f64]) -> f64 {
 }
 
 impl LinearMode {
+    /// Returns a hash of the numbers that usually differ from mode to mode.
+    pub fn hash(&self) -> u64 {
+        let waves = self.load_waves.iter().flat_map(|wave| wave.cosine.iter().chain(&wave.sine));
+        let of_contact = |c: &LinearContact| {
+            let [k, damping] = c.constant().unwrap_or_default();
+            let errors = c.error.iter().flat_map(|wave| [wave.cosine, wave.sine]);
+            errors.chain([k, damping, c.across, f64::from(u8::from(c.is_carried))]).collect::<SmallVec<[f64; 16]>>()
+        };
+        let mut hasher = DefaultHasher::new();
+        let mut add = |number: f64| hasher.write_u64(number.to_bits());
+        [self.rate, self.frequency].into_iter().for_each(&mut add);
+        self.oscillators.iter().for_each(|oscillator| add(oscillator.omega));
+        self.load.iter().map(|load| load.hi).chain(self.whole_load.iter().copied()).for_each(&mut add);
+        waves.copied().for_each(&mut add);
+        self.contacts.iter().flat_map(of_contact).for_each(add);
+        hasher.finish()
+    }
+
     pub fn new(motion: &Motion, fold: Fold) -> Self {
         let s = motion.structure;
         let size = load_size(&s.load);

@@ -1,12 +1,10 @@
 //! Map of a whole number of cycles, with its derivative.
 
-use std::ops::ControlFlow;
-
 use crate::{
     engine::{Engine, Observer, Outcome, State},
     gear::Stiffness,
     hybrid::{ContactView, Instant, Mode, Watch},
-    simulation::{Simulation, SimulationError},
+    simulation::{CancelObserver, Simulation, SimulationError},
     system::{ContactMode, Variation},
     tangent::zeros,
     task::Task,
@@ -80,23 +78,6 @@ pub struct SectionMap<'a> {
     steps: [u64; 2],
     /// Task whose cancellation ends a run.
     task: Option<Task<'a>>,
-}
-
-/// Observer that stops a run once its task is cancelled.
-struct CancelObserver<'a>(Task<'a>);
-
-impl Observer for CancelObserver<'_> {
-    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
-        false
-    }
-
-    fn wants_events(&self) -> bool {
-        false
-    }
-
-    fn leap(&mut self, _: &Mode, _: f64) -> ControlFlow<()> {
-        self.0.flow()
-    }
 }
 
 impl<'a> SectionMap<'a> {
@@ -232,7 +213,7 @@ impl<'a> SectionMap<'a> {
         observer: &mut dyn Observer,
     ) -> Result<(), SimulationError> {
         let outcome = match self.task {
-            Some(task) => engine.run(end, &mut (observer, CancelObserver(task)))?,
+            Some(task) => engine.run(end, &mut (observer, CancelObserver { task }))?,
             None => engine.run(end, observer)?,
         };
         match outcome {

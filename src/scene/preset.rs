@@ -149,7 +149,7 @@ fn share(train: &mut Map<String, Value>) {
     });
 }
 
-/// Returns a warning for each common value of a gearbox that every mesh replaces by its own.
+/// Returns a warning for each common number, word or list of a gearbox that every mesh replaces by its own; members of objects apart.
 pub(super) fn replaced_everywhere(scene: &Value) -> Vec<Warning> {
     let train = &scene["train"];
     if train["kind"] != "gearbox" {

@@ -120,15 +120,16 @@ impl<'a> Job<'a> {
         let (run, structure) = (&simulation.settings, &simulation.structure);
         let start = simulation.start()?;
         let mut check = self.verify.then(|| simulation.verifier(&start));
+        let (is_kept, mut kept) = (folder.is_none() && self.log, Vec::new());
+        let logged = self.log && folder.is_some();
+        let is_read = is_kept || logged || rows.is_some();
         let amplified = Cell::new(None);
         let left_out = simulation.options().left_out();
         let inherit = || Inherited::new(structure, &start, left_out, &amplified);
-        let mut inherited = run.inherited_uncertainty.then(inherit);
+        let mut inherited = (run.inherited_uncertainty && is_read).then(inherit);
         let (mut engine, why) = simulation.limited(start, self.max_events)?;
 
         let sampled = self.trajectory && folder.is_some();
-        let (is_kept, mut kept) = (folder.is_none() && self.log, Vec::new());
-        let logged = self.log && folder.is_some();
         let logs = logged.then_some([EVENTS, TABLE]).into_iter().flatten();
         let files = logs.chain(sampled.then_some(TRAJECTORY)).chain([SUMMARY]).map(String::from).collect();
         let (input, force) = (simulation.file.as_deref(), self.replace);
@@ -136,7 +137,6 @@ impl<'a> Job<'a> {
         let mut folder = request.map(|request| request.open()).transpose()?;
         let mut file = |name: &str| folder.as_mut().filter(|_| logged).map(|folder| folder.create(name)).transpose();
         let files = [file(EVENTS)?, file(TABLE)?];
-        let is_read = is_kept || logged || rows.is_some();
         let mut keep = |row| {
             if let Some(take) = &mut rows {
                 return take(row);
@@ -218,10 +218,10 @@ impl<'a> Job<'a> {
             warnings: simulation.warnings_in_words(),
         };
         let end = state.clone();
-        let step = clock.between(from, state.at) / summary.work.steps.max(1) as f64;
+        let step = clock.between(measured, state.at).max(0.0) / ledger.steps().max(1) as f64;
         // A difference is reported before its consequences; a failed run has a reason already.
         let failure = verified.err().map(SimulationError::from).or_else(|| match result {
-            Ok(_) => alarm(simulation, &summary, (step, ledger.reach()), left_out),
+            Ok(_) => alarm(simulation, &summary, (ledger.steps(), step, ledger.reach()), left_out),
             Err(error) => Some(error.into()),
         });
         if let Some(failure) = &failure {
@@ -243,16 +243,16 @@ impl RunRecord {
     }
 }
 
-/// Returns the contradiction in the numbers of a run, if any. `step` is the mean step, s, and `left_out` the truncation of the rates in it;
-/// `reach` is the largest size of each component of the state.
+/// Returns the contradiction in the numbers of a run, if any. The measured time has `steps` steps of `step` seconds on average, with the
+/// truncation `left_out` of the rates; `reach` is the largest size of each component of the state in it.
 fn alarm(
     simulation: &Simulation,
     summary: &Summary,
-    (step, reach): (f64, &[f64]),
+    (steps, step, reach): (u64, f64, &[f64]),
     left_out: f64,
 ) -> Option<SimulationError> {
     // The ledger assumes a symmetric K, and includes rounding and truncation only.
-    let (spec, steps) = (simulation.structure.spec(), summary.work.steps);
+    let spec = simulation.structure.spec();
     let modes = &summary.integrator.modes;
     // A method that was requested by name lists no modes.
     let is_exact = modes.iter().all(|(_, name)| *name == "taylor")
@@ -275,7 +275,7 @@ fn alarm(
 struct ProgressObserver<'a> {
     task: Task<'a>,
     clock: &'a Clock,
-    /// Instant that the run has reached, without the leaps since.
+    /// Start of the last step, or end of the last leap or event.
     at: Instant,
     from: Instant,
     span: f64,
@@ -283,7 +283,7 @@ struct ProgressObserver<'a> {
 }
 
 impl ProgressObserver<'_> {
-    /// Takes note of a step or leap that starts at `at`.
+    /// Counts a step or leap; the run has reached `at`.
     fn count(&mut self, at: Instant) -> ControlFlow<()> {
         self.at = at;
         self.steps = (self.steps + 1) % EVERY;
@@ -307,7 +307,8 @@ impl Observer for ProgressObserver<'_> {
         self.count(self.clock.advance(self.at, time))
     }
 
-    fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.at = record.at;
         self.task.flow()
     }
 }

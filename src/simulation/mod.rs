@@ -25,6 +25,7 @@ pub use job::{Job, RunRecord};
 pub use parameter::Parameter;
 pub use report::{ContactAtStart, MeshOfTeeth, Mode, Order, Report, Share, Speed};
 pub use rows::{EVENT_COLUMNS, EventColumn, EventValues, event_head, event_lines};
+pub(crate) use samples::CancelObserver;
 pub use samples::SampleTable;
 pub use summary::{EndKind, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
 

@@ -170,13 +170,25 @@ impl Simulation {
     }
 }
 
-/// Observer that stops a cancelled run.
-struct CancelObserver<'a> {
-    task: Task<'a>,
+/// Observer that stops a cancelled run, and looks at nothing.
+pub(crate) struct CancelObserver<'a> {
+    pub task: Task<'a>,
 }
 
 impl Observer for CancelObserver<'_> {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
+        false
+    }
+
+    fn wants_events(&self) -> bool {
+        false
+    }
+
     fn step(&mut self, _: &Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+        self.task.flow()
+    }
+
+    fn leap(&mut self, _: &Mode, _: f64) -> ControlFlow<()> {
         self.task.flow()
     }
 }

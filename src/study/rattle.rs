@@ -60,7 +60,8 @@ pub enum Rattle {
     Graze {
         /// The value.
         value: f64,
-        /// Estimate of its error: difference of the last two roots, or rounding of the margin over its slope.
+        /// Estimate of its error: the largest of the difference of the last two roots, or the bisected width, and of the rounding of the
+        /// margin over its slope.
         uncertainty: f64,
         /// Contact that grazes.
         contact: String,
@@ -109,6 +110,8 @@ pub struct RattleSearch<'a> {
 
 /// Rounding of a deflection relative to its size, that of some ten steps included.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
+/// Least difference of two margins, in their rounding, from which a slope is taken.
+const CLEAR: f64 = 16.0;
 
 /// Largest load tried without a range, in loads of the scene.
 const MOST: f64 = 512.0;
@@ -253,17 +256,18 @@ impl RattleSearch<'_> {
     fn at(&self, value: f64, seed: Option<&Seed>, task: Task<'_>) -> Result<Option<QuietMotion>, StudyError> {
         let scene = self.scene.with(self.pointer, json!(value)).map_err(StudyError::from)?;
         let spec = &scene.built().spec;
-        let backlash: Vec<f64> = spec.contacts.iter().map(|contact| contact.half_backlash).collect();
+        let flanks: Vec<_> = spec.contacts.iter().map(|c| (c.half_backlash, c.law.is_bilateral())).collect();
         let found = steady(scene, seed, &self.rule, task)?;
-        let margins = found.contacts.iter().zip(&backlash).filter_map(|(contact, b)| {
+        let margins = found.contacts.iter().zip(&flanks).filter_map(|(contact, (b, is_bilateral))| {
             let report = &contact.report;
             let deflection = report.deflection_max?.abs().max(*b);
             let (margin, is_there, size) = match self.loss {
                 Loss::Deflection => (report.deflection_min? - b, report.apart_time > 0.0, deflection),
                 Loss::Force => {
-                    let stretch = report.deflection_max? - b;
-                    let force = report.force_max?;
-                    (report.force_min?, report.no_force_time > 0.0, force * (deflection / stretch).max(1.0))
+                    // The force per stretch, times the deflection.
+                    let stretch = report.deflection_max? - if *is_bilateral { 0.0 } else { *b };
+                    let ratio = if stretch > 0.0 { (deflection / stretch).max(1.0) } else { 1.0 };
+                    (report.force_min?, report.no_force_time > 0.0, report.force_max? * ratio)
                 }
                 Loss::BackFlank => (report.deflection_min? + b, report.back_contacts > 0, deflection),
             };
@@ -292,8 +296,14 @@ impl RattleSearch<'_> {
         let reach = first.margin;
         let (mut a, mut b, mut lost) = (first, second, lost);
         let mut last: Option<f64> = None;
+        // Slope of the last two motions whose margins differ by more than their rounding.
+        let mut steep: Option<f64> = None;
         for _ in 0..ROUNDS {
             let slope = (b.margin - a.margin) / (b.value - a.value);
+            let rounding = a.rounding + b.rounding;
+            if a.contact == b.contact && (b.margin - a.margin).abs() > CLEAR * rounding {
+                steep = Some(slope.abs());
+            }
             let root = b.value - b.margin / slope;
             // Beyond the event the root is that of another motion.
             let is_between = (root - b.value) * (root - lost) <= 0.0 && a.contact == b.contact && b.is_periodic;
@@ -302,7 +312,7 @@ impl RattleSearch<'_> {
             let is_done = change.is_some_and(|change| change <= ACCURACY * root.abs());
             if is_done || width <= ACCURACY * b.value.abs() {
                 if is_done || b.is_periodic && b.margin <= NEGLIGIBLE * reach {
-                    let rounded = (a.rounding + b.rounding) / slope.abs();
+                    let rounded = steep.map_or(0.0, |steep| rounding / steep);
                     let uncertainty = change.unwrap_or(width).max(f64::EPSILON * b.value.abs()).max(rounded);
                     let value = if is_between { root } else { b.value };
                     return Ok(Rattle::Graze { value, uncertainty, contact: b.contact });

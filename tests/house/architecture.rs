@@ -215,7 +215,7 @@ const BUDGET: usize = 400;
 /// Lines that a room may have, comments included: its size of today, so that growth is a decision.
 const ROOMS: &[(&str, usize)] = &[
     ("accuracy", 2620),
-    ("analysis", 2520),
+    ("analysis", 2540),
     ("baseline", 1500),
     ("branch", 3080),
     ("cli", 4240),
@@ -227,7 +227,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("hybrid", 1570),
     ("import", 2790),
     ("integrate", 1800),
-    ("kernel", 8120),
+    ("kernel", 8140),
     ("linalg", 200),
     ("map", 3460),
     ("orbit", 4360),
@@ -236,8 +236,8 @@ const ROOMS: &[(&str, usize)] = &[
     ("poly", 1400),
     ("python", 1300),
     ("scene", 4890),
-    ("simulation", 2340),
-    ("study", 9700),
+    ("simulation", 2350),
+    ("study", 9710),
     ("sweep", 1740),
     ("system", 5070),
     ("tangent", 1150),

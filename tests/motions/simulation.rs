@@ -15,6 +15,9 @@ use flank::{
     engine::Observer,
     event::EventRecord,
     gear::{Stiffness, contact::Law, contact::Rigid},
+    hybrid::{Instant, Mode},
+    integrate::DenseStep,
+    orbit::SectionMap,
     output::OutputError,
     scene::{Duration, Run, Scene},
     simulation::{EndKind, Job, SimulationError},
@@ -318,5 +321,71 @@ fn a_transient_that_nobody_reads_changes_nothing() {
         let energy = &read["energy"];
         let [residual, throughput] = ["residual", "throughput"].map(|key| energy[key].as_f64().unwrap());
         assert!(residual.abs() <= 1e-12 * throughput, "{name}: {energy}");
+    }
+}
+
+/// Counts the steps that arrive before an instant, and asks for none.
+struct StepCount<'a> {
+    simulation: &'a Simulation,
+    steps: u32,
+}
+
+impl Observer for StepCount<'_> {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
+        false
+    }
+
+    fn step(&mut self, _: &Mode, step: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+        let [_, measured, _] = self.simulation.instants();
+        let left = self.simulation.clock().between(step.start(), measured);
+        self.steps += u32::from(left > 0.0);
+        ControlFlow::Continue(())
+    }
+}
+
+#[test]
+fn a_transient_that_nobody_reads_has_no_steps() {
+    let path = format!("{}/examples/scenes/W1a-ds.json", env!("CARGO_MANIFEST_DIR"));
+    let scene = Scene::from_file(path).unwrap().with("/run/transient_cycles", 4.into()).unwrap();
+    let simulation = Simulation::from_scene(scene).unwrap();
+    let steps = |log: bool| {
+        let mut count = StepCount { simulation: &simulation, steps: 0 };
+        let mut job = simulation.job();
+        job.log = log;
+        job.observer = Some(&mut count);
+        job.run().unwrap();
+        count.steps
+    };
+    // The leap into the measured time is shown as a whole.
+    assert!(steps(true) >= 16 && steps(false) <= 2, "{} {}", steps(true), steps(false));
+}
+
+/// The ball lands for the first time after √(2/9.81) s = 0.4515 s and is at rest after nine times as long. Wherever the measured time
+/// begins, also within the last impacts, which are summed, the energy balance closes.
+#[test]
+fn a_measured_time_may_begin_within_a_summed_sequence() {
+    let rest = 9.0 * (2.0f64 / 9.81).sqrt();
+    for before in [1.0, 1e-3, 1e-6, 1e-9, 1e-12, 0.0, -1e-9] {
+        let period = rest - before;
+        let scene = ball(8.0)
+            .replace(r#""t_end_s": 8"#, &format!(r#""cycles": 2, "transient_cycles": 1, "period_s": {period:?}"#));
+        let record = Simulation::from_json(&scene).unwrap().job().run().unwrap();
+        assert!(record.energy.closure() < 1e-12, "{before}: {:?}", record.energy);
+    }
+}
+
+#[test]
+fn a_cancelled_task_ends_a_section_map() {
+    for name in ["W1a-ds", "W2b", "W3"] {
+        let path = format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR"));
+        let simulation = Simulation::from_scene(Scene::from_file(path).unwrap()).unwrap();
+        let map = SectionMap::new(&simulation).unwrap();
+        let start = map.start().unwrap();
+        let cancelled = AtomicBool::new(true);
+        let ended = map.with_task(Task::new(&cancelled, &|_| ()));
+        assert!(ended.follow(&start, 1_000_000).unwrap_err().to_string().contains("cancelled"), "{name}");
+        assert!(ended.image(&start, 1_000_000).unwrap_err().to_string().contains("cancelled"), "{name}");
+        cancelled.store(false, Ordering::Relaxed);
+        assert_eq!(ended.follow(&start, 3).unwrap(), map.follow(&start, 3).unwrap(), "{name}");
     }
 }
