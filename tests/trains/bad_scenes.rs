@@ -312,7 +312,6 @@ fn a_bare_backlash_names_both_right_keys() {
     assert!(error.contains("half_backlash") && error.contains("total_backlash"), "{error}");
 }
 
-/// All pointers of a value.
 /// A preset gives way to each key alone; two of the scene that exclude each other are refused, as without a preset.
 #[test]
 fn keys_that_exclude_each_other_are_refused_over_a_preset_too() {
@@ -347,6 +346,7 @@ fn a_key_stands_for_its_only_place() {
     assert!(unknown.contains("did you mean \"speed_rpm\"?"), "{unknown}");
 }
 
+/// All pointers of a value.
 fn places(value: &Value, here: String, all: &mut Vec<String>) {
     match value {
         Value::Object(map) => map.iter().for_each(|(k, v)| places(v, format!("{here}/{k}"), all)),
