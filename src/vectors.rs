@@ -73,6 +73,9 @@ pub(crate) trait Path: Copy {
 
     /// Returns a bit for each element, set if `a > b`; the lowest bit is the first element.
     fn above(self, a: Self::Four, b: Self::Four) -> u32;
+
+    /// Returns the elements of x where `a > b`, and of y elsewhere.
+    fn where_above(self, a: Self::Four, b: Self::Four, x: Self::Four, y: Self::Four) -> Self::Four;
 }
 
 /// Applies `f` to four pairs.
@@ -145,6 +148,11 @@ impl Path for Baseline {
     fn above(self, a: [f64; 4], b: [f64; 4]) -> u32 {
         (0..4).fold(0, |bits, l| bits | u32::from(a[l] > b[l]) << l)
     }
+
+    #[inline(always)]
+    fn where_above(self, a: [f64; 4], b: [f64; 4], x: [f64; 4], y: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|l| if a[l] > b[l] { x[l] } else { y[l] })
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -212,6 +220,11 @@ impl Path for pulp::x86::V3 {
     fn above(self, a: pulp::f64x4, b: pulp::f64x4) -> u32 {
         // The sign of a mask is the bit.
         self.avx._mm256_movemask_pd(pulp::cast(self.cmp_gt_f64x4(a, b))) as u32
+    }
+
+    #[inline(always)]
+    fn where_above(self, a: pulp::f64x4, b: pulp::f64x4, x: pulp::f64x4, y: pulp::f64x4) -> pulp::f64x4 {
+        self.select_f64x4(self.cmp_gt_f64x4(a, b), x, y)
     }
 }
 

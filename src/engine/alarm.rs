@@ -39,10 +39,12 @@ struct GuardRounding {
 }
 
 /// Values kept from step to step.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Alarm {
     /// All guards up to the highest number seen, indexed by number.
     met: Vec<GuardRounding>,
+    /// Largest rounding of a guard of position, the scale of displacements; below zero before the first value.
+    length: f64,
     /// Guard, value and error of each row at the end of the last step of the arc.
     ends: Vec<(GuardId, f64, f64)>,
     /// The mode of that step.
@@ -51,6 +53,12 @@ pub(super) struct Alarm {
     waited: f64,
     /// Largest permitted move of the state at the current event, in units of the guards.
     move_limit: f64,
+}
+
+impl Default for Alarm {
+    fn default() -> Self {
+        Self { met: Vec::new(), length: -1.0, ends: Vec::new(), mode: Mode::default(), waited: 0.0, move_limit: 0.0 }
+    }
 }
 
 fn raise(
@@ -134,13 +142,15 @@ impl Alarm {
         let met = &mut self.met[slot];
         if rounding > met.rounding {
             met.rounding = rounding;
+            if met.is_continuous && rounding > self.length {
+                self.length = rounding;
+            }
         }
     }
 
-    /// Returns the largest rounding of a guard of position, the scale of displacements; `None` if there is no such guard.
+    /// Returns the largest rounding of a guard of position; `None` if there is no such guard.
     fn length(&self) -> Option<f64> {
-        let of_position = self.met.iter().filter(|met| met.is_continuous && met.rounding >= 0.0);
-        of_position.map(|met| met.rounding).reduce(f64::max)
+        Some(self.length).filter(|length| *length >= 0.0)
     }
 
     /// Returns the largest rounding of a recorded guard, in its units.

@@ -1,4 +1,4 @@
-use super::{GuardId, GuardSet, Instant, Mode, Wide};
+use super::{GuardId, GuardSet, Instant, Mode, StepRows, Wide};
 
 /// Distance to its bound, relative to its span, below which a step has reached the bound. The root of the series of a clock is known to a
 /// few units in the last place.
@@ -202,7 +202,7 @@ pub const SAMPLES: usize = 16;
 pub type Samples = [f64; SAMPLES];
 
 /// Returns whether all numbers are finite. A finite number times zero is zero; NaN and the infinities are not.
-fn are_finite(numbers: &[f64]) -> bool {
+pub(crate) fn are_finite(numbers: &[f64]) -> bool {
     let (eights, rest) = numbers.as_chunks::<8>();
     let mut sums = [0.0; 8];
     for eight in eights {
@@ -267,8 +267,8 @@ pub struct Jet {
     pub left_out: [f64; 2],
     /// True if the errors of the guards are estimates, not proven bounds.
     pub is_estimate: bool,
-    /// Working space of the field.
-    pub work: Vec<f64>,
+    /// Other series of the step.
+    pub rows: StepRows,
 }
 
 impl Jet {

@@ -10,11 +10,12 @@ mod instant;
 mod lane;
 mod mode;
 mod power;
+mod rows;
 mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
 pub use flow::VectorField;
-pub(crate) use flow::{ARRIVED, normalise};
+pub(crate) use flow::{ARRIVED, are_finite, normalise};
 // Data between the engine and the series of a train: public for the traits that name them, without a promise.
 #[doc(hidden)]
 pub use flow::{
@@ -27,4 +28,6 @@ pub use instant::{Clock, Instant, Wide};
 pub use lane::{Budget, Lane, LaneHost, LanePoint, Lap, LapEnd, Rebound};
 pub use mode::Mode;
 pub use power::{EnergyJump, PowerBalance, Powers, Transition};
+#[doc(hidden)]
+pub use rows::{ContactRows, Four, LANES, ORDER, ROW, Series, StepRows};
 pub use system::{HybridSystem, Jump, ModelError, Rates};

@@ -82,10 +82,13 @@ impl fmt::Display for Mode {
 /// Total order without a meaning.
 impl Ord for Mode {
     fn cmp(&self, other: &Self) -> Ordering {
+        let by_first = || u128::from_le_bytes(self.first).cmp(&u128::from_le_bytes(other.first));
+        // Most modes have no other bytes.
+        if [self, other].iter().all(|mode| mode.rest.is_empty() && mode.high.is_empty()) {
+            return by_first();
+        }
         let order = |a: &[u8], b: &[u8]| a.len().cmp(&b.len()).then_with(|| a.iter().rev().cmp(b.iter().rev()));
-        let first = |mode: &Self| u128::from_le_bytes(mode.first);
-        let by_rest = order(&self.high, &other.high).then_with(|| order(&self.rest, &other.rest));
-        by_rest.then_with(|| first(self).cmp(&first(other)))
+        order(&self.high, &other.high).then_with(|| order(&self.rest, &other.rest)).then_with(by_first)
     }
 }
 

@@ -1,4 +1,5 @@
 //! Bernstein form on `[0, 1]`.
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::MAX_DEGREE;
 use crate::vectors::{Baseline, Path};
@@ -7,7 +8,7 @@ use crate::vectors::{Baseline, Path};
 const LOW: usize = 6;
 
 /// Bernstein coefficients of `1, x, …, x⁶` in degree 6, padded to eight lanes by repeating the last.
-static LOW_BASIS: [[f64; 8]; LOW + 1] = {
+const LOW_BASIS: [[f64; 8]; LOW + 1] = {
     let mut basis = [[0.0; 8]; LOW + 1];
     let mut k = 0;
     while k <= LOW {
@@ -28,9 +29,44 @@ static LOW_BASIS: [[f64; 8]; LOW + 1] = {
     basis
 };
 
+/// Bounds on the sums that the terms of four polynomials add to their constants on `[0, 1]`.
+#[derive(Clone, Copy)]
+pub(crate) struct FourRanges<P: Path> {
+    /// Least and largest sum.
+    pub range: [P::Four; 2],
+    /// Sums of the sizes of the terms.
+    pub sizes: P::Four,
+}
+
+impl<P: Path> FourRanges<P> {
+    /// Bounds the polynomials `Σ_{k≥1} rows_k powers_k θᵏ`: by the Bernstein coefficients of the low degrees, and the sizes of the others.
+    #[inline(always)]
+    pub fn new<const N: usize, const M: usize>(path: P, rows: &[[f64; 4]; N], powers: &[f64; M]) -> Self {
+        let zero = path.all(0.0);
+        let [mut low_sizes, mut high_sizes, mut least, mut most] = [zero; 4];
+        let mut sums = [zero; LOW];
+        for k in 1..=LOW {
+            let term = path.times(path.four(rows[k]), path.all(powers[k]));
+            low_sizes = path.plus(low_sizes, path.sizes(term));
+            for i in 0..LOW {
+                sums[i] = path.fused(path.all(LOW_BASIS[k][i + 1]), term, sums[i]);
+            }
+        }
+        for k in LOW + 1..N {
+            high_sizes = path.plus(high_sizes, path.sizes(path.times(path.four(rows[k]), path.all(powers[k]))));
+        }
+        for i in 0..LOW {
+            most = path.larger(sums[i], most);
+            least = path.larger(path.minus(zero, sums[i]), least);
+        }
+        let range = [path.minus(path.minus(zero, least), high_sizes), path.plus(most, high_sizes)];
+        Self { range, sizes: path.plus(low_sizes, high_sizes) }
+    }
+}
+
 /// Returns whether `p` is proven positive: the Bernstein coefficients of the low-degree part exceed the sum of the other terms.
 #[inline(always)]
-pub(super) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
+pub(crate) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
     let (low, high) = p.split_at(p.len().min(LOW + 1));
     let mut sums = [0.0; 4];
     let fours = high.chunks_exact(4);

@@ -46,15 +46,17 @@ const MAX_DEPTH: u32 = 52;
 /// If `p` is empty or has a degree above [`MAX_DEGREE`](super::MAX_DEGREE).
 #[must_use]
 pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
-    first_root_on(Baseline, p, limit, uncertainty)
+    if bernstein::certainly_positive(p, uncertainty) {
+        Isolation::CLEAR
+    } else {
+        first_root_on(Baseline, p, limit, uncertainty)
+    }
 }
 
-/// Does the same as [`first_root`], compiled for the set of `path`: every set gives the same bits.
+/// Does the same as [`first_root`], compiled for the set of `path`, without the test of the lowest coefficients: every set gives the same
+/// bits.
 #[inline(always)]
 pub(crate) fn first_root_on<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
-    if bernstein::certainly_positive(p, uncertainty) {
-        return Isolation::CLEAR;
-    }
     let root = match bernstein::signs(path, p, limit, uncertainty) {
         Signs::Above => FirstRoot::None,
         Signs::Fall(guess) => FirstRoot::At(polish(p, 0.0, limit, guess * limit)),

@@ -10,6 +10,7 @@ mod extremes;
 mod falling;
 mod first_root;
 
+pub(crate) use bernstein::{FourRanges, certainly_positive};
 pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
 pub(crate) use deflated::Deflated;
 pub use extremes::{extremes, minima};

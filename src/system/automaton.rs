@@ -6,6 +6,7 @@ use super::{
     acting::Force,
     assemble::{Contact, PerContact, Structure, Wave, dot, zeros},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, guards_of, piece, set_contact, set_piece},
+    schedule,
     symmetry::Equal,
 };
 use crate::{
@@ -363,10 +364,9 @@ impl HybridSystem for Structure {
     }
 
     fn next_switch(&self, mode: &Mode, at: Instant) -> Option<Instant> {
-        let ends = (0..self.contacts.len()).filter_map(|j| {
-            let schedule = self.followed(mode, j)?;
-            schedule.end(&self.clock, at, piece(mode, j))
-        });
+        let late = schedule::late(&self.clock, at);
+        let ends =
+            (0..self.contacts.len()).filter_map(|j| self.followed(mode, j)?.end(&self.clock, late, piece(mode, j)));
         ends.reduce(|first, end| if end < first { end } else { first })
     }
 

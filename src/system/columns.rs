@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 
-use super::assemble::{Contact, LoadWave};
+use super::assemble::{Contact, LoadWave, Wave};
 
 /// A structure laid out for vector instructions.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -42,6 +42,10 @@ pub(crate) struct FourColumns {
     pub weights: [f64; 4],
     /// Sizes of the gap and of the error of each contact, m.
     pub sizes: [[f64; 4]; 2],
+    /// Constant part of the error of each contact, m.
+    pub offsets: [f64; 4],
+    /// Errors: oscillator, cosine and sine parts.
+    pub errors: Vec<(usize, [f64; 4], [f64; 4])>,
     /// Rates of the errors: oscillator, cosine and sine parts.
     pub rates: Vec<(usize, [f64; 4], [f64; 4])>,
 }
@@ -93,17 +97,22 @@ impl Block {
 impl FourColumns {
     fn new(four: &[Contact], n: usize) -> Self {
         let part = |f: &dyn Fn(&Contact) -> f64| std::array::from_fn(|l| four.get(l).map_or(0.0, f) + 0.0);
-        let mut waves: BTreeMap<usize, [[f64; 4]; 2]> = BTreeMap::new();
-        for (l, w) in four.iter().enumerate().flat_map(|(l, c)| c.error_rate.iter().map(move |w| (l, w))) {
-            let [cosine, sine] = waves.entry(w.index).or_default();
-            cosine[l] += w.cosine;
-            sine[l] += w.sine;
-        }
+        let waves = |of: fn(&Contact) -> &[Wave]| -> Vec<_> {
+            let mut waves: BTreeMap<usize, [[f64; 4]; 2]> = BTreeMap::new();
+            for (l, w) in four.iter().enumerate().flat_map(|(l, c)| of(c).iter().map(move |w| (l, w))) {
+                let [cosine, sine] = waves.entry(w.index).or_default();
+                cosine[l] += w.cosine;
+                sine[l] += w.sine;
+            }
+            waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect()
+        };
         Self {
             directions: (0..n).map(|i| part(&|c| c.spec.direction[i])).collect(),
             weights: part(&|c| c.weight),
             sizes: [part(&|c| c.gap().abs()), part(&|c| c.error_sizes[0])],
-            rates: waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect(),
+            offsets: part(&|c| c.spec.error_offset),
+            errors: waves(|c| &c.error),
+            rates: waves(|c| &c.error_rate),
         }
     }
 }

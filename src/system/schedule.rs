@@ -171,7 +171,7 @@ impl Schedule {
 
     /// Returns the piece in force right after `at`, and the time since its start, s.
     pub fn piece(&self, clock: &Clock, at: Instant) -> (u32, f64) {
-        let (k, i) = self.last(clock, tie(clock, at));
+        let (k, i) = self.last(clock, late(clock, at));
         let number = match self {
             Self::Listed { numbers, .. } => numbers[i],
             Self::Locked { values, .. } | Self::Own { values, .. } => (i % values.len()) as u32,
@@ -182,7 +182,7 @@ impl Schedule {
     /// Returns the time since piece `number` last started, s. Unlike [`piece`](Self::piece) it is valid up to and at the end of the piece,
     /// where the next one starts.
     pub fn elapsed(&self, clock: &Clock, at: Instant, number: u32) -> f64 {
-        let last = self.last_of(clock, tie(clock, at), number);
+        let last = self.last_of(clock, late(clock, at), number);
         self.start_of(clock, last).map_or(0.0, |start| clock.between(start, at))
     }
 
@@ -203,9 +203,9 @@ impl Schedule {
         starts.into_iter().map(far).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start)
     }
 
-    /// Returns the end of piece `number`, in force at `at`. It is before `at` if the piece is over.
-    pub fn end(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
-        let (k, i) = self.last_of(clock, tie(clock, at), number);
+    /// Returns the end of piece `number`, in force at an instant that is `late` to within rounding. It is before that if the piece is over.
+    pub fn end(&self, clock: &Clock, late: Instant, number: u32) -> Option<Instant> {
+        let (k, i) = self.last_of(clock, late, number);
         match self {
             Self::Listed { times, .. } => times.get(i).copied(),
             _ if i + 1 < self.starts() => Some(self.start(clock, k, i + 1)),
@@ -223,7 +223,8 @@ impl Schedule {
     }
 }
 
-fn tie(clock: &Clock, at: Instant) -> Instant {
+/// Returns the last instant that cannot be distinguished from `at`.
+pub(super) fn late(clock: &Clock, at: Instant) -> Instant {
     clock.advance(at, TIE * at.phase.hi.abs().max(clock.period().map_or(0.0, |t| t.hi)))
 }
 

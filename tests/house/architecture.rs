@@ -212,40 +212,48 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
 /// Lines of code a file may have: blank lines, comments and tests apart.
 const BUDGET: usize = 400;
 
-/// Lines that a room may have, comments included: its size of today, so that growth is a decision.
-const ROOMS: &[(&str, usize)] = &[
-    ("accuracy", 2620),
-    ("analysis", 2540),
-    ("baseline", 1500),
-    ("branch", 3080),
-    ("cli", 4240),
-    ("engine", 2100),
-    ("ensemble", 150),
-    ("error", 140),
-    ("event", 350),
-    ("gear", 1530),
-    ("hybrid", 1570),
-    ("import", 2790),
-    ("integrate", 1800),
-    ("kernel", 8140),
-    ("linalg", 200),
-    ("map", 3460),
-    ("orbit", 4360),
-    ("output", 590),
-    ("plot", 2440),
-    ("poly", 1400),
-    ("python", 1300),
-    ("scene", 4890),
-    ("simulation", 2350),
-    ("study", 9710),
-    ("sweep", 1740),
-    ("system", 5070),
-    ("tangent", 1150),
-    ("task", 80),
-    ("train", 3510),
-    ("vectors", 320),
-    ("verify", 800),
+/// Rooms, with the lines that each may have, comments included: its size of today, so that growth is a decision. The last number is the
+/// target, the same where nothing is planned. The rooms of the core, from `kernel` to `vectors` in docs/DESIGN.md, aim at less.
+const ROOMS: &[(&str, usize, usize)] = &[
+    ("accuracy", 2620, 2620),
+    ("analysis", 2540, 2540),
+    ("baseline", 1500, 1500),
+    ("branch", 3080, 3080),
+    ("cli", 4240, 4240),
+    ("engine", 2110, 1800),
+    ("ensemble", 150, 150),
+    ("error", 140, 140),
+    ("event", 350, 320),
+    ("gear", 1530, 1530),
+    ("hybrid", 1700, 1600),
+    ("import", 2790, 2790),
+    ("integrate", 1800, 1650),
+    ("kernel", 90, 90),
+    ("kernel/bounds", 1180, 950),
+    ("kernel/mode", 930, 800),
+    ("kernel/series", 1910, 1500),
+    ("kernel/ways", 4190, 2500),
+    ("linalg", 200, 160),
+    ("map", 3460, 3460),
+    ("orbit", 4360, 4360),
+    ("output", 590, 590),
+    ("plot", 2440, 2440),
+    ("poly", 1400, 1250),
+    ("python", 1300, 1300),
+    ("scene", 4890, 4890),
+    ("simulation", 2350, 2350),
+    ("study", 9710, 9710),
+    ("sweep", 1740, 1740),
+    ("system", 5090, 3700),
+    ("tangent", 1150, 700),
+    ("task", 80, 80),
+    ("train", 3510, 3510),
+    ("vectors", 330, 320),
+    ("verify", 800, 800),
 ];
+
+/// Rooms of the kernel, each of which may import those before it.
+const KERNEL: [&str; 4] = ["mode", "series", "bounds", "ways"];
 
 /// What lies at the top, besides what `.gitignore` names.
 const TOP: &[&str] = &[
@@ -386,6 +394,22 @@ fn modules_import_only_what_the_table_allows() {
 }
 
 #[test]
+fn rooms_of_the_kernel_import_only_those_before_them() {
+    let mut wrong = Vec::new();
+    for (place, room) in KERNEL.iter().enumerate() {
+        for path in sources(&Path::new(ROOT).join("src/kernel").join(room)) {
+            for import in imports(&code(&read(&path))) {
+                let [module, target, ..] = &import[..] else { continue };
+                if module == "kernel" && KERNEL[place + 1..].contains(&target.as_str()) {
+                    wrong.push(format!("{} imports {}", name(&path), import.join("::")));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
 fn files_stay_within_their_budget() {
     let mut wrong = Vec::new();
     for path in sources(&Path::new(ROOT).join("src")) {
@@ -402,10 +426,15 @@ fn rooms_stay_within_their_budgets() {
     let mut lines: BTreeMap<String, usize> = BTreeMap::new();
     for path in sources(&Path::new(ROOT).join("src")) {
         let file = name(&path);
-        let room = file["src/".len()..].split(['/', '.']).next().unwrap_or_default();
-        *lines.entry(room.to_owned()).or_default() += read(&path).lines().count();
+        let mut parts = file["src/".len()..].split(['/', '.']);
+        let mut room = parts.next().unwrap_or_default().to_owned();
+        if let Some(inner) = parts.next().filter(|inner| room == "kernel" && KERNEL.contains(inner)) {
+            room = format!("{room}/{inner}");
+        }
+        *lines.entry(room).or_default() += read(&path).lines().count();
     }
-    let budgets: BTreeMap<&str, usize> = ROOMS.iter().copied().collect();
+    assert!(ROOMS.iter().all(|(_, today, target)| target <= today), "a target is below the size of today");
+    let budgets: BTreeMap<&str, usize> = ROOMS.iter().map(|(room, today, _)| (*room, *today)).collect();
     let wrong: Vec<String> = lines
         .iter()
         .filter(|(room, _)| !["lib", "main"].contains(&room.as_str()))

@@ -30,20 +30,24 @@ fn agrees_from(schedule: &Schedule, clock: &Clock, number_of_pieces: u32, from: 
         starts.iter().map(|(start, _)| *start).filter(|start| (0.0..15.0).contains(&clock.between(from, *start)));
     // At a start, and where a start is not told from it.
     let edges = near.flat_map(|start| {
-        let tie = clock.between(start, tie(clock, start));
+        let tie = clock.between(start, late(clock, start));
         [-2.0, -0.5, 0.0, 0.5].map(|times| clock.advance(start, times * tie))
     });
     for at in between.chain(edges) {
-        let past = starts.iter().rposition(|(start, _)| *start <= tie(clock, at));
+        let past = starts.iter().rposition(|(start, _)| *start <= late(clock, at));
         let elapsed = |i: Option<usize>| i.map_or(0.0, |i| clock.between(starts[i].0, at));
         assert_eq!(schedule.piece(clock, at), (past.map_or(0, |i| starts[i].1), elapsed(past)), "{at:?}");
         for number in 0..number_of_pieces {
-            let is_past = |(start, piece): &(Instant, u32)| *piece == number && *start <= tie(clock, at);
+            let is_past = |(start, piece): &(Instant, u32)| *piece == number && *start <= late(clock, at);
             let last = starts.iter().rposition(is_past);
             assert_eq!(schedule.elapsed(clock, at, number), elapsed(last), "{number} {at:?}");
             // The first piece of listed times has no start.
             let next = last.map_or(0, |i| i + 1);
-            assert_eq!(schedule.end(clock, at, number), starts.get(next).map(|(start, _)| *start), "{number} {at:?}");
+            assert_eq!(
+                schedule.end(clock, late(clock, at), number),
+                starts.get(next).map(|(start, _)| *start),
+                "{number} {at:?}"
+            );
             let off = |start: Instant| clock.between(start, at).abs();
             let nearest = starts.iter().filter(|(_, piece)| *piece == number).map(|(start, _)| off(*start));
             let found = schedule.start_near(clock, at, number).map(off);

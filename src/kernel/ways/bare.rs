@@ -1,0 +1,345 @@
+//! Step of a linear mode of which only the end is needed.
+//!
+//! Series, reach, rows and result equal those of the full step, bit for bit. Work that most steps do not need is omitted. A guard that
+//! stays clear of zero by the sizes of its terms gets no row. The first of the others that falls is the event, if it falls alone. In all
+//! other cases the step itself decides.
+
+use smallvec::SmallVec;
+
+use super::Ways;
+use crate::{
+    hybrid::{ARRIVED, GuardValue, Jet, JetRequest, Leap, Passage, are_finite},
+    kernel::{
+        APART, Expansion, Four, LANES, ROUNDING, ROW, StepRows,
+        bounds::{
+            bound::Tail,
+            guards::{Powers, powers},
+        },
+        mode::motion::ModeGuard,
+    },
+    poly::{self, Deflated, FirstRoot, FourRanges},
+    system::Watch,
+    vectors::Path,
+};
+
+/// Rounding of two sums of the terms of a series relative to their sizes.
+const SUMMED: f64 = 2.0 * ROW as f64 * f64::EPSILON;
+/// Widest fall that counts as decided, relative to the step: at full precision, in units of the truncation, and at most.
+const SHARP: [f64; 3] = [1e-11, 1e5, 1e-2];
+/// Relative change of a slope over the width of a fall above which the fall is tangential.
+const TANGENTIAL: f64 = 1e-3;
+
+/// Guards of position of four contacts at the start of a step.
+struct FlankValues {
+    /// Values at the drive and the back flank, m.
+    values: [Four; 2],
+    /// Sizes of the terms of these guards on the step, m.
+    terms: [Four; 2],
+    /// Bits of the guards that stay above zero: of the drive flanks, then of the back flanks.
+    clear: u32,
+    /// Rounding of the values, m.
+    rounding: Four,
+    /// Rounding of the values if nothing is carried on from the step before, m.
+    afresh: Four,
+    /// Truncation of the deflections, m.
+    rest: Four,
+}
+
+/// Guard that may reach zero by the sizes of its terms.
+struct UndecidedGuard {
+    /// Number of the guard in the mode.
+    number: usize,
+    tail: f64,
+    rounding: f64,
+    /// Rounding of the guard if nothing is carried on from the step before.
+    afresh: f64,
+}
+
+impl UndecidedGuard {
+    #[inline(always)]
+    fn series<'a>(&self, jet: &'a Jet) -> Deflated<'a> {
+        Deflated::new(&jet.guard_series[self.number * ROW..(self.number + 1) * ROW], self.tail, self.rounding)
+    }
+}
+
+/// First fall of a guard on a step.
+struct Fall {
+    /// Index among the doubtful guards.
+    place: usize,
+    /// Value of the guard; derivatives are with respect to θ.
+    value: f64,
+    slope: f64,
+    curvature: f64,
+    error: f64,
+    /// Uncertainty of the place, in θ.
+    width: f64,
+    zeros: usize,
+}
+
+impl Fall {
+    /// Returns the fall of a guard at `theta`; `None` if it is tangential or wide.
+    #[inline(always)]
+    fn new(place: usize, series: &Deflated<'_>, theta: f64, truncation: f64) -> Option<Self> {
+        let [value, slope, curvature] = poly::eval_with_derivatives(series.p, theta);
+        let error = series.error_at(theta);
+        let width = error / slope.abs();
+        let [full, units, most] = SHARP;
+        let sharp = full.max((units * truncation).min(most));
+        let is_sharp = slope < 0.0 && width <= sharp && curvature.abs() * width <= TANGENTIAL * slope.abs();
+        // θ^m p̃ and its slope.
+        let m = series.order as i32;
+        let power = theta.powi(m);
+        let by_power = if m == 0 { 0.0 } else { f64::from(m) * theta.powi(m - 1) * value };
+        is_sharp.then_some(Self {
+            place,
+            value: power * value,
+            slope: by_power + power * slope,
+            curvature: power * curvature.abs(),
+            error: power * error,
+            width,
+            zeros: series.order,
+        })
+    }
+}
+
+impl Expansion<'_> {
+    /// Returns the first three time derivatives of a guard of position at the start.
+    fn derivatives(&self, watched: &ModeGuard, powers: &Powers, jet: &Jet) -> [f64; 3] {
+        let h = jet.span * jet.reach;
+        let term = |k: usize| watched.along() * jet.rows.deflection(watched.contact, k) * powers[k];
+        [term(1) / h, 2.0 * term(2) / (h * h), 6.0 * term(3) / (h * h * h)]
+    }
+
+    /// Returns the guards of position of four contacts at the start of the step. A guard is clear if no sum of the terms of its deflection
+    /// lowers it to zero.
+    #[inline(always)]
+    fn positions<P: Path>(&self, path: P, number: usize, powers: &Powers, tail: &Tail, rows: &StepRows) -> FlankValues {
+        let flanks = &self.motion.flanks[number];
+        let zero = path.all(0.0);
+        let FourRanges { range: [least, most], sizes: added } =
+            FourRanges::new(path, &rows.deflections[number], powers);
+        let (gap, near, known) = (path.four(flanks.gap), path.four(flanks.near), path.four(rows.gaps[number]));
+        let (stretch, deflection) = (path.four(rows.stretches[number]), path.four(rows.deflections[number][0]));
+        let position = path.where_above(path.four(flanks.has_side), zero, stretch, deflection);
+        let rest = path.plus(
+            path.times(path.four(flanks.across), path.all(tail.displacement)),
+            path.times(path.four(flanks.top), path.all(tail.waves[1])),
+        );
+        let rounding = path.times(path.all(ROUNDING), path.four(rows.terms[number]));
+        let bound = path.plus(rest, rounding);
+        let afresh = path.times(path.all(ROUNDING), path.plus(path.four(rows.sizes[number]), added));
+        let mut values = FlankValues {
+            values: [[0.0; LANES]; 2],
+            terms: [[0.0; LANES]; 2],
+            clear: 0,
+            rounding: path.numbers(rounding),
+            afresh: path.numbers(afresh),
+            rest: path.numbers(rest),
+        };
+        for (flank, along) in flanks.along.iter().enumerate() {
+            let along = path.four(*along);
+            let by_state = path.plus(path.times(along, position), gap);
+            // Of two flanks, the gap belongs to the one that agrees with the state. A gap of zero is not exact.
+            let known = path.times(along, known);
+            let apart = path.sizes(path.minus(known, by_state));
+            let agreed = path.where_above(near, apart, known, by_state);
+            let value = path.where_above(path.sizes(known), zero, agreed, by_state);
+            let terms = path.plus(path.sizes(value), added);
+            let lowest = path.plus(value, path.where_above(along, zero, least, path.minus(zero, most)));
+            let margin = path.plus(bound, path.times(path.all(SUMMED), terms));
+            values.clear |= path.above(lowest, margin) << (LANES * flank);
+            (values.values[flank], values.terms[flank]) = (path.numbers(value), path.numbers(terms));
+        }
+        values
+    }
+
+    /// Writes the guards at the start of the step into `leap`. Returns those that are not clear of zero on it, with their rows.
+    #[inline(always)]
+    fn doubtful<P: Path>(
+        &self,
+        path: P,
+        powers: &Powers,
+        tail: &Tail,
+        leap: &mut Leap,
+    ) -> SmallVec<[UndecidedGuard; 8]> {
+        let (Leap { starts, jet, .. }, guards) = (leap, &self.motion.guards);
+        jet.guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
+        let mut positions: SmallVec<[FlankValues; 4]> = SmallVec::new();
+        for number in 0..jet.rows.deflections.len() {
+            positions.push(self.positions(path, number, powers, tail, &jet.rows));
+        }
+        let still = !self.request.still.is_empty();
+        starts.clear();
+        starts.extend(guards.iter().map(|&ModeGuard { id, contact: j, watch, .. }| {
+            let (of, flank, lane) = (&positions[j / LANES], watch as usize & 1, j % LANES);
+            let (value, terms, error) = (of.values[flank][lane], of.terms[flank][lane], of.afresh[lane]);
+            GuardValue { guard: id, value, error, terms, derivatives: [f64::NAN; 3] }
+        }));
+        let mut doubtful = SmallVec::new();
+        for ((number, watched), start) in guards.iter().enumerate().zip(starts) {
+            let (j, watch) = (watched.contact, watched.watch);
+            let (of, lane) = (&positions[j / LANES], j % LANES);
+            let row = number * ROW..(number + 1) * ROW;
+            if watch == Watch::Force {
+                let tail = self.force_tail(j, tail, jet);
+                let (row, [terms, size]) =
+                    (&mut jet.guard_series[row], [jet.rows.terms[j / LANES][lane], jet.rows.size(j)]);
+                let [rounding, afresh] = self.force_row(watched, terms, size, powers, &jet.rows, row);
+                (start.value, start.error, start.terms) = (row[0], afresh, poly::terms(row, 1.0));
+                doubtful.push(UndecidedGuard { number, tail, rounding, afresh });
+            } else if of.clear >> (LANES * (watch as usize) + lane) & 1 == 0 || still && self.is_released(j, watch) {
+                let row = &mut jet.guard_series[row];
+                self.position_row(watched, powers, &jet.rows, row);
+                start.value = row[0];
+                let (tail, rounding, afresh) = (of.rest[lane], of.rounding[lane], of.afresh[lane]);
+                doubtful.push(UndecidedGuard { number, tail, rounding, afresh });
+            }
+            // Impact sequences need them.
+            if self.s.contacts[j].spec.law.is_rigid() {
+                start.derivatives = self.derivatives(watched, powers, jet);
+            }
+        }
+        doubtful
+    }
+
+    /// Forms the guards at the end of the step, from the changes `gained` of the deflections.
+    fn ends(
+        &self,
+        doubtful: &[UndecidedGuard],
+        gained: &[f64],
+        tail: &Tail,
+        (jet, starts): (&Jet, &[GuardValue]),
+        ends: &mut Vec<GuardValue>,
+    ) {
+        let mut doubtful = doubtful.iter().peekable();
+        for (number, (watched, start)) in self.motion.guards.iter().zip(starts).enumerate() {
+            let j = watched.contact;
+            let (value, error) = match doubtful.next_if(|guard| guard.number == number) {
+                Some(guard) => (jet.guard_series[number * ROW..(number + 1) * ROW].iter().sum(), guard.tail),
+                None => (start.value + watched.along() * gained[j], self.deflection_tail(j, tail)),
+            };
+            ends.push(GuardValue { value, error, ..*start });
+        }
+    }
+
+    /// Evaluates the state at `theta` as [`Jet::state_at`] does.
+    #[inline(always)]
+    fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
+        let orders = &jet.rows.orders;
+        let s = theta * jet.reach;
+        x.resize(self.request.x.len(), 0.0);
+        x.copy_from_slice(self.request.x);
+        match self.s.columns.blocks.len() {
+            1 => self.horner::<P, 2>(path, orders, s, x),
+            2 => self.horner::<P, 4>(path, orders, s, x),
+            3 => self.horner::<P, 6>(path, orders, s, x),
+            4 => self.horner::<P, 8>(path, orders, s, x),
+            5 => self.horner::<P, 10>(path, orders, s, x),
+            6 => self.horner::<P, 12>(path, orders, s, x),
+            blocks => unreachable!("{blocks} blocks in a linear mode"),
+        }
+    }
+
+    /// Writes the N fours of displacements and velocities at `s` into `x`.
+    #[inline(always)]
+    fn horner<P: Path, const N: usize>(&self, path: P, orders: &[Four], s: f64, x: &mut [f64]) {
+        let (n, by) = (self.s.n, path.all(s));
+        let mut sums = [path.all(0.0); N];
+        for (k, fours) in orders.as_chunks::<N>().0.iter().enumerate().rev() {
+            for i in 0..N {
+                sums[i] = path.plus(sums[i], path.four(fours[i]));
+                if k > 0 {
+                    sums[i] = path.times(sums[i], by);
+                }
+            }
+        }
+        let sums = sums.map(|sum| path.numbers(sum));
+        x[..n].copy_from_slice(&sums.as_flattened()[..n]);
+        x[n..2 * n].copy_from_slice(&sums.as_flattened()[LANES * N / 2..][..n]);
+    }
+}
+
+impl Ways<'_> {
+    /// Computes the end of the step from `request` into `leap`. Returns `false` where the step itself has to decide.
+    #[inline(always)]
+    pub fn bare<P: Path>(&self, path: P, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+        let motion = &self.motion;
+        if !motion.is_linear || motion.held.is_some() || motion.structure.is_conservative {
+            return false;
+        }
+        let Some((e, _, tail)) = self.series(path, request, true, &mut leap.jet) else { return false };
+        let reach = leap.jet.reach;
+        let powers = powers(reach);
+        let doubtful = e.doubtful(path, &powers, &tail, leap);
+        let jet = &leap.jet;
+        let rows: SmallVec<[Deflated<'_>; 8]> = doubtful.iter().map(|guard| guard.series(jet)).collect();
+        // Guards of equal contacts are equal, and fall together.
+        let is_twin = |fall: &Option<Fall>, series: &Deflated<'_>| {
+            fall.as_ref().is_some_and(|fall| rows[fall.place].is_twin(series))
+        };
+        let (mut limit, mut first) = (1.0, None);
+        for (place, series) in rows.iter().enumerate() {
+            // The coefficients of the others have been tested, except after an exact zero.
+            let is_clear = series.order > 0 && poly::certainly_positive(series.p, series.error);
+            if is_clear || is_twin(&first, series) {
+                continue;
+            }
+            let found = poly::first_root_on(path, series.p, limit, series.error);
+            leap.splits += u64::from(found.splits);
+            match found.root {
+                _ if found.touch.is_some() => return false,
+                FirstRoot::None => {}
+                FirstRoot::At(theta) => {
+                    let fall = Fall::new(place, series, theta, request.tolerance);
+                    if theta <= 0.0 || fall.is_none() {
+                        return false;
+                    }
+                    (limit, first) = (theta, fall);
+                }
+            }
+        }
+        leap.is_bound = first.is_none() && jet.time_at(1.0) >= request.span * (1.0 - ARRIVED);
+        // No other guard, and no end of the arc, may coincide with the first fall.
+        let width = first.as_ref().map_or(0.0, |fall| fall.width);
+        // No other guard falls with it or is near: an event judges nearness by the value itself, exact zeros included.
+        let mut is_alone = true;
+        if first.is_some() || leap.is_bound {
+            for (series, guard) in rows.iter().zip(&doubtful) {
+                let [value, slope, _] = poly::eval_with_derivatives(series.p, limit);
+                let is_off = value > APART * (series.error + slope.abs() * width)
+                    && value * limit.powi(series.order as i32) > guard.afresh;
+                is_alone &= is_off || is_twin(&first, series);
+            }
+        }
+        if !is_alone || first.is_some() && limit + APART * width >= 1.0 {
+            return false;
+        }
+        let id = |place: usize| motion.guards[doubtful[place].number].id;
+        leap.twins = (0..rows.len()).filter(|place| is_twin(&first, &rows[*place])).map(id).collect();
+        leap.time = jet.time_at(limit);
+        leap.passage = first.map(|fall| {
+            let h = jet.span * reach;
+            let Fall { place, value, slope, curvature, error, zeros, .. } = fall;
+            let (slope, curvature) = (slope / h, curvature / (h * h));
+            Passage { guard: id(place), residual: value, slope, error, curvature, zeros }
+        });
+        e.state_at(path, jet, limit, &mut leap.x);
+        if !are_finite(&leap.x) {
+            return false;
+        }
+        let gained = motion.gained(path, jet, limit);
+        let gained = gained.as_flattened();
+        motion.keep(jet, leap.passage.is_some(), gained, &mut leap.carried);
+        leap.carried.push(f64::NAN);
+        leap.sizes.resize(request.x.len(), 0.0);
+        for (size, x) in leap.sizes.iter_mut().zip(request.x) {
+            *size = x.abs();
+        }
+        leap.ends.clear();
+        if leap.passage.is_none() {
+            e.ends(&doubtful, gained, &tail, (jet, &leap.starts), &mut leap.ends);
+        }
+        leap.is_series = true;
+        true
+    }
+}
