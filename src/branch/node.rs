@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{course::Course, family::Family};
 use crate::{
     orbit::{Drift, Image, NewtonFailure, Orbit, Section, SectionMap, Unknowns},
-    simulation::{Simulation, SimulationError},
+    simulation::Simulation,
 };
 
 /// Distance of an orbit's ends that rounding of some ten arcs a cycle leaves, in scales.
@@ -472,10 +472,4 @@ type Svd = nalgebra::SVD<f64, nalgebra::Dyn, nalgebra::Dyn>;
 
 fn missed(residual: f64, reason: impl Into<String>) -> NewtonFailure {
     NewtonFailure { residual, reason: reason.into() }
-}
-
-impl From<SimulationError> for NewtonFailure {
-    fn from(error: SimulationError) -> Self {
-        missed(f64::INFINITY, error.to_string())
-    }
 }

@@ -216,7 +216,7 @@ impl Approach {
             .filter(|(apart, _)| *apart <= NEAR)
             .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)))?;
         let options = Options { patience: Some(PATIENCE), task, ..Options::default() };
-        match map.solve_from(&sections[last], period as u64, drift, options) {
+        match map.newton((vec![sections[last].clone()], period as u64), drift, options) {
             Ok(orbit) if !orbit.is_stable => {
                 *reason = Some("the orbit near the end of the run is not stable".into());
                 unstable.push(orbit.section);

@@ -1,4 +1,4 @@
-//! Periodic orbits: Newton's method on the section.
+//! Periodic orbits: Newton's method on one section, or on one for each cycle.
 
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -6,30 +6,28 @@ use serde::{Deserialize, Serialize};
 use super::{
     Drift, INTERRUPTED, SectionMap,
     section::{Image, Section, number},
-    shooting::{Shots, eigenvalues},
+    shooting::{MOST, Shots, cyclic, eigenvalues, pseudo_inverse},
     unknowns::Unknowns,
 };
 use crate::{simulation::SimulationError, task::Task};
 
 /// Maximum number of Newton steps.
-pub(super) const STEPS: usize = 40;
+const STEPS: usize = 40;
 /// Halvings of a step that makes the residual larger.
-pub(super) const HALVINGS: i32 = 6;
+const HALVINGS: i32 = 6;
 /// Share to which a residual must fall for another step with the same derivative.
 const CHORD: f64 = 0.3;
-/// Longest step, in scales.
-pub(super) const LONGEST: f64 = 50.0;
+/// Longest step, in scales, and the one after which the method ends.
+const LONGEST: f64 = 50.0;
+const SHORT: f64 = 1e-13;
 /// Residual, in scales, below which an orbit counts as found.
 pub(crate) const CLOSED: f64 = 1e-10;
 /// Two states nearer than this, in scales, are the same point of an orbit.
 pub(crate) const SAME: f64 = 1e-6;
 /// Distance of a multiplier from the unit circle that rounding can cause: for a pair of ones, the root of the rounding of 1.
 pub(crate) const MARGINAL: f64 = 1e-8;
-/// Share of the largest singular value below which a singular value belongs to an undetermined direction.
-const NEUTRAL: f64 = 1e-12;
-
 /// Reason for which a state that returns starts no orbit.
-pub(super) const UNLIKE: &str = "what contacts do at the start of a cycle is not what the cycle before leaves";
+const UNLIKE: &str = "what contacts do at the start of a cycle is not what the cycle before leaves";
 
 /// A periodic orbit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -73,13 +71,13 @@ pub(super) struct Options<'a> {
 }
 
 impl Options<'_> {
-    /// Returns M at `x`, and the change of `ln M` along `step`, for the deflation `M = Π (1 + 1/‖y − y_i‖²)` over the known states y_i. The
-    /// residual times M has no zero there (Farrell, Birkisson and Funke 2015).
-    fn deflation(&self, unknowns: &Unknowns, x: &[f64], step: Option<&DVector<f64>>) -> [f64; 2] {
+    /// Returns M at the first of some `sections`, and the change of `ln M` along `step`, for the deflation `M = Π (1 + 1/‖y − y_i‖²)` over
+    /// the known states y_i. The residual times M has no zero there (Farrell, Birkisson and Funke 2015).
+    fn deflation(&self, shots: &Shots, sections: &[Section], step: Option<&DVector<f64>>) -> [f64; 2] {
         self.known.iter().fold([1.0, 0.0], |[product, change], known| {
-            let off = unknowns.between(known, x);
+            let off = shots.unknowns.between(known, &sections[0].x);
             let square = off.norm_squared();
-            let along = step.map_or(0.0, |step| -2.0 * off.dot(step) / (square * (square + 1.0)));
+            let along = step.map_or(0.0, |step| -2.0 * off.dot(&step.rows(0, off.len())) / (square * (square + 1.0)));
             [product * (1.0 + square.recip()), change + along]
         })
     }
@@ -93,6 +91,12 @@ pub struct NewtonFailure {
     pub residual: f64,
     /// Reason for the end of the search.
     pub reason: String,
+}
+
+impl From<SimulationError> for NewtonFailure {
+    fn from(error: SimulationError) -> Self {
+        Self { residual: f64::INFINITY, reason: error.to_string() }
+    }
 }
 
 impl Orbit {
@@ -165,155 +169,129 @@ impl SectionMap<'_> {
     /// # Errors
     /// [`NewtonFailure`], if it does not converge.
     pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, NewtonFailure> {
-        self.solve_from(start, period, drift, Options::default())
+        self.newton((vec![start.clone()], period), drift, Options::default())
     }
 
-    /// Returns the orbit as [`solve`](Self::solve), with `options`.
-    pub(super) fn solve_from(
+    /// Returns the orbit near `trail`, which has a section for each step of the period: for each cycle, unless the map is divided.
+    ///
+    /// # Errors
+    /// [`NewtonFailure`], if Newton's method does not converge, or if the period has more than 600 unknowns.
+    pub fn shoot(&self, trail: &[Section], drift: &Drift) -> Result<Orbit, NewtonFailure> {
+        self.newton((trail.to_vec(), 1), drift, Options::default())
+    }
+
+    /// Returns the orbit near some sections, `cycles` cycles apart.
+    pub(super) fn newton(
         &self,
-        start: &Section,
-        period: u64,
+        (sections, cycles): (Vec<Section>, u64),
         drift: &Drift,
         options: Options<'_>,
     ) -> Result<Orbit, NewtonFailure> {
-        let patience = options.patience;
         let missed = |residual: f64, reason: &str| NewtonFailure { residual, reason: reason.to_owned() };
-        self.repeats().map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
-        let evaluate = |section: &Section| -> Result<_, SimulationError> {
-            let image = self.image(section, period)?;
-            let unknowns = Unknowns::new(self, &image, drift);
-            let off = unknowns.between(&section.x, &image.end.x);
-            Ok((off.norm(), off, unknowns, image))
-        };
-        let halvings = if patience.is_some() { HALVINGS / 3 } else { HALVINGS };
-        let mut section = start.clone();
-        let mut now = evaluate(&section).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
-        let (mut best, first) = (now.0, now.0);
+        if sections.len() > 1 && sections.len() * sections[0].x.len() > MOST {
+            return Err(missed(f64::INFINITY, "the period has too many unknowns for multiple shooting"));
+        }
+        self.repeats()?;
+        let shots = |sections| Shots::new(self, (sections, cycles), &[], drift);
+        let mut now = shots(sections)?;
+        let (mut best, first) = (now.residual, now.residual);
         for step in 0..STEPS {
             if options.task.is_cancelled() {
                 return Err(missed(best, INTERRUPTED));
             }
-            if patience.is_some_and(|steps| step == steps) && now.0 > 0.5 * first {
+            if options.patience.is_some_and(|steps| step == steps) && now.residual > 0.5 * first {
                 return Err(missed(best, "Newton's method does not converge from here"));
             }
-            let (residual, off, unknowns, image) = &now;
-            if !residual.is_finite() {
-                return Err(missed(best, "the motion leaves the range of numbers"));
-            }
-            let count = unknowns.count();
-            if count == 0 {
-                return Err(missed(best, "the train drifts as a whole: nothing of its state returns"));
-            }
-            let reduced = unknowns.reduced(&image.jacobian) - DMatrix::identity(count, count);
-            if reduced.iter().any(|entry| !entry.is_finite()) {
-                return Err(missed(best, "the derivative leaves the range of numbers"));
-            }
-            let svd = reduced.svd(true, true);
-            let Ok(step) = svd.solve(&-off, NEUTRAL * svd.singular_values.max()) else {
-                return Err(missed(best, "the derivative cannot be inverted"));
-            };
-            let condition = svd.singular_values.min().recip();
+            let (step, svd) = now.step().map_err(|reason| missed(best, reason))?;
             // The step of the deflated residual `M F` is a multiple of that of F.
-            let [weight, change] = options.deflation(unknowns, &section.x, Some(&step));
+            let [weight, change] = options.deflation(&now, &now.sections, Some(&step));
             let step = step / (1.0 - change);
-            let length = step.norm();
-            if *residual <= CLOSED && (length <= 1e-13 || condition * residual <= 1e-14) {
-                return self.settle(section, now, period, drift, condition);
+            let (length, is_closed) = (now.largest(&step), now.residual <= CLOSED);
+            if is_closed && length <= SHORT {
+                return self.settle(now, drift);
             }
             if length > LONGEST {
                 return Err(missed(best, "a step of Newton's method leaves the range of the motion"));
             }
-            // The residual needs no derivative: further steps are taken with the same one while they reduce the residual enough.
-            let contacts = &image.end.contacts;
-            let off_at = |section: &Section| -> Option<DVector<f64>> {
-                let end = self.follow(section, period).ok()?;
-                Some(unknowns.between(&section.x, &end.x)).filter(|off| off.norm().is_finite())
+            // The residual needs no derivative. A step along which a small residual falls less than its rounding ends the search.
+            let halvings = match options.patience {
+                _ if is_closed => 0,
+                Some(_) if svd.is_some() => HALVINGS / 3,
+                _ => HALVINGS,
             };
-            let moved = |from: &Section, step: &DVector<f64>, factor: f64| {
-                let x = from.x.iter().zip(&unknowns.lifted(step)).map(|(x, change)| x + factor * change).collect();
-                Section { x, contacts: contacts.clone() }
-            };
-            // A step along which a small residual falls less than its rounding ends the search.
-            let halvings = if *residual <= CLOSED { 0 } else { halvings };
-            let first = (0..=halvings).find_map(|halved| {
-                let trial = moved(&section, &step, 0.5f64.powi(halved));
-                let there = off_at(&trial)?;
-                let [weight_there, _] = options.deflation(unknowns, &trial.x, None);
-                (weight_there * there.norm() < weight * *residual).then_some((trial, there, halved))
+            let trial = (0..=halvings).find_map(|halved| {
+                let step = &step * 0.5f64.powi(halved);
+                let trial = now.moved(&now.sections, &step);
+                let there = now.off_at(self, &trial)?;
+                let [weight_there, _] = options.deflation(&now, &trial, None);
+                (weight_there * now.largest(&there) < weight * now.residual).then_some((trial, there, step, halved))
             });
-            let next = first.and_then(|(mut trial, mut there, halved)| {
-                // Broyden's update keeps the inverse up to date along the steps taken.
-                let Ok(mut inverse) = svd.clone().pseudo_inverse(NEUTRAL * svd.singular_values.max()) else {
-                    return None;
-                };
-                let (mut step, mut before) = (&step * 0.5f64.powi(halved), off.clone());
-                let mut fell = if halved == 0 && options.known.is_empty() { there.norm() / residual } else { 1.0 };
-                while fell <= CHORD && there.norm() > f64::EPSILON {
-                    let change = &inverse * (&there - &before);
+            let next = trial.and_then(|(mut trial, mut there, mut step, halved)| {
+                // Further steps from one section are taken with the same derivative while they reduce the residual enough.
+                let svd = svd.filter(|_| halved == 0 && options.known.is_empty());
+                let mut inverse = svd.and_then(|svd| pseudo_inverse(svd).ok());
+                let (mut before, mut fell) = (now.off.clone(), now.largest(&there) / now.residual);
+                while let Some(inverse) = &mut inverse
+                    && fell <= CHORD
+                    && now.largest(&there) > f64::EPSILON
+                {
+                    // Broyden's update keeps the inverse up to date along the steps taken.
+                    let change = &*inverse * (&there - &before);
                     let along = step.dot(&change);
                     if along.abs() > f64::EPSILON * step.norm_squared() {
-                        let row = step.transpose() * &inverse / along;
-                        inverse += (&step - &change) * row;
+                        let row = step.transpose() * &*inverse / along;
+                        *inverse += (&step - &change) * row;
                     }
-                    step = -(&inverse * &there);
-                    let further = moved(&trial, &step, 1.0);
-                    let Some(off) = off_at(&further).filter(|off| off.norm() < there.norm()) else { break };
-                    fell = off.norm() / there.norm();
+                    step = -(&*inverse * &there);
+                    let further = now.moved(&trial, &step);
+                    let falls = |off: &DVector<f64>| now.largest(off) < now.largest(&there);
+                    let Some(off) = now.off_at(self, &further).filter(falls) else { break };
+                    fell = now.largest(&off) / now.largest(&there);
                     (trial, before) = (further, std::mem::replace(&mut there, off));
                 }
-                evaluate(&trial).ok().map(|there| (trial, there))
+                shots(trial).ok()
             });
             match next {
-                Some((trial, there)) => {
-                    best = best.min(there.0);
-                    (section, now) = (trial, there);
+                Some(next) => {
+                    best = best.min(next.residual);
+                    now = next;
                 }
-                None if *residual <= CLOSED => return self.settle(section, now, period, drift, condition),
+                None if is_closed => return self.settle(now, drift),
                 None => return Err(missed(best, "no step of Newton's method makes the residual smaller")),
             }
         }
-        if now.0 <= CLOSED {
-            return self.settle(section, now, period, drift, f64::NAN);
+        if now.residual <= CLOSED {
+            return self.settle(now, drift);
         }
         Err(missed(best, "Newton's method does not converge"))
     }
 
     /// Returns the orbit found, reduced to its smallest period.
-    fn settle(
-        &self,
-        mut section: Section,
-        (mut residual, _, mut unknowns, mut image): (f64, DVector<f64>, Unknowns, Image),
-        period: u64,
-        drift: &Drift,
-        mut condition: f64,
-    ) -> Result<Orbit, NewtonFailure> {
-        if section.contacts != image.end.contacts {
-            // The state is that of the orbit; the modes of the contacts follow from the motion before it.
-            section.contacts.clone_from(&image.end.contacts);
-            let failed = |error: SimulationError| NewtonFailure { residual, reason: error.to_string() };
-            image = self.image(&section, period).map_err(failed)?;
-            unknowns = Unknowns::new(self, &image, drift);
-            residual = unknowns.between(&section.x, &image.end.x).norm();
-            let count = unknowns.count();
-            let reduced = unknowns.reduced(&image.jacobian) - DMatrix::identity(count, count);
-            condition = reduced.singular_values().min().recip();
-            if residual.is_nan() || residual > CLOSED || image.end.contacts != section.contacts {
-                return Err(NewtonFailure { residual, reason: UNLIKE.to_owned() });
+    fn settle(&self, mut shots: Shots, drift: &Drift) -> Result<Orbit, NewtonFailure> {
+        let cycles = shots.cycles;
+        if !shots.is_alike() {
+            // The states are those of the orbit; the modes of the contacts follow from the motion before them.
+            let none = DVector::zeros(shots.off.len());
+            shots = Shots::new(self, (shots.moved(&shots.sections, &none), cycles), &[], drift)?;
+            if shots.residual.is_nan() || shots.residual > CLOSED || !shots.is_alike() {
+                return Err(NewtonFailure { residual: shots.residual, reason: UNLIKE.to_owned() });
             }
         }
-        for shorter in (1..period).filter(|shorter| period.is_multiple_of(*shorter)) {
-            if unknowns.between(&section.x, &image.between[shorter as usize - 1].x).norm() <= SAME {
-                return self.solve(&section, shorter, drift);
-            }
+        let Shots { sections, whole, unknowns, residual, .. } = &shots;
+        let period = whole.between.len();
+        let closes = |k: &usize| unknowns.between(&sections[0].x, &whole.between[*k - 1].x).norm() <= SAME;
+        if let Some(shorter) = (1..period).filter(|k| period.is_multiple_of(*k)).find(closes) {
+            let left = sections[..sections.len().div_ceil(period / shorter)].to_vec();
+            let cycles = if cycles == 1 { 1 } else { shorter as u64 };
+            return self.newton((left, cycles), drift, Options::default());
         }
-        let factors = if period == 1 {
-            vec![unknowns.reduced(&image.jacobian)]
-        } else {
+        let mut factors = shots.factors();
+        let condition = cyclic(&factors).singular_values().min().recip();
+        if cycles > 1 {
             // Multipliers come from the derivative of each cycle: small ones would be lost in their product.
-            let starts = std::iter::once(&section).chain(&image.between).take(period as usize);
-            let failed = |error: SimulationError| NewtonFailure { residual, reason: error.to_string() };
-            Shots::new(self, starts.cloned().collect(), &[], drift).map_err(failed)?.factors()
-        };
-        Ok(Orbit::of(section, image, (&unknowns, &factors), residual, condition))
+            let starts = sections.iter().chain(&whole.between).take(period).cloned().collect();
+            factors = Shots::new(self, (starts, 1), &[], drift)?.factors();
+        }
+        Ok(Orbit::of(sections[0].clone(), whole.clone(), (unknowns, &factors), *residual, condition))
     }
 }

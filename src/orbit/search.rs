@@ -178,10 +178,10 @@ impl Search {
         let patience = near.is_finite().then_some(PATIENCE);
         let (start, period) = guess.start();
         let options = Options { patience, task, ..Options::default() };
-        let solved = map.solve_from(start, period, &found.drift, options).or_else(|missed| {
+        let solved = map.newton((vec![start.clone()], period), &found.drift, options).or_else(|missed| {
             let parts = map.divided();
             let sections = if period > 1 || parts.steps() > 1 { guess.sections(&parts) } else { None };
-            let shot = sections.map(|sections| parts.shoot_from(&sections, &found.drift, options));
+            let shot = sections.map(|sections| parts.newton((sections, 1), &found.drift, options));
             shot.and_then(Result::ok).ok_or(missed)
         });
         let is_near = |orbit: &Orbit| {
@@ -299,7 +299,7 @@ impl Search {
             };
             let solve = |i: usize, k: u64| {
                 let options = Options { known: &known(k), task, ..Options::default() };
-                map.solve_from(&start(i), k, drift, options).or_else(|missed| {
+                map.newton((vec![start(i)], k), drift, options).or_else(|missed| {
                     // Starts from states along the motion.
                     let first = i * 7919 % passed.len();
                     let parts = map.divided();
@@ -308,7 +308,7 @@ impl Search {
                     let trail = trail.and_then(|trail| FirstGuess::Cycles(trail).sections(&parts));
                     trail.ok_or(missed).and_then(|trail| {
                         let options = Options { patience: Some(PATIENCE), task, ..Options::default() };
-                        parts.shoot_from(&trail, drift, options)
+                        parts.newton((trail, 1), drift, options)
                     })
                 })
             };

@@ -1,11 +1,12 @@
-//! Multiple shooting: an orbit as a section for each cycle of its period, all solved for at once. The amplification of one cycle does not
-//! multiply that of the next: orbits are found whose whole period would amplify rounding beyond all bounds.
+//! Shooting: the runs between the sections of an orbit, and the equations that close it.
+//!
+//! Single shooting has one section. Multiple shooting has one for each cycle, and all are solved for at once. The amplification of one cycle
+//! does not multiply that of the next: orbits are found whose whole period would amplify rounding beyond all bounds.
 
 use nalgebra::{Complex, DMatrix, DVector};
 
 use super::{
-    Drift, INTERRUPTED, NewtonFailure, Orbit, SectionMap,
-    newton::{CLOSED, HALVINGS, LONGEST, Options, SAME, STEPS, UNLIKE},
+    Drift, Orbit, SectionMap,
     section::{Image, Section},
     unknowns::Unknowns,
     words::WordObserver,
@@ -13,21 +14,25 @@ use super::{
 use crate::{simulation::SimulationError, system::Variation, tangent::zeros};
 
 /// Maximum number of unknowns: their matrix is full, and its solution costs the cube.
-const MOST: usize = 600;
+pub(super) const MOST: usize = 600;
+/// Share of the largest singular value below which a singular value belongs to an undetermined direction.
+const NEUTRAL: f64 = 1e-12;
 /// Passes over the period that turn the factors of its derivative to its invariant directions.
 const PASSES: usize = 8;
 
-/// Ends of all cycles from their sections.
+/// Runs from the sections of an orbit to the next ones.
 pub(super) struct Shots {
-    sections: Vec<Section>,
+    pub sections: Vec<Section>,
+    /// Cycles of each run.
+    pub cycles: u64,
     images: Vec<Image>,
-    /// All cycles as one image.
-    whole: Image,
-    unknowns: Unknowns,
-    /// End of each cycle minus the start of the next one, in scales.
-    off: Vec<DVector<f64>>,
+    /// All runs as one image.
+    pub whole: Image,
+    pub unknowns: Unknowns,
+    /// End of each run minus the start of the next one, in unknowns, one after the other.
+    pub off: DVector<f64>,
     /// Largest norm of these differences.
-    residual: f64,
+    pub residual: f64,
 }
 
 /// Returns the images of successive steps as one, with `steps` in a cycle; the word and the sizes of the last one are those of all.
@@ -52,7 +57,7 @@ fn joined(images: &[Image], steps: usize) -> Option<Image> {
 }
 
 /// Returns `J_i y_i − y_{i+1}` for all cycles, the last one followed by the first, as a matrix over all y.
-fn cyclic(factors: &[DMatrix<f64>]) -> DMatrix<f64> {
+pub(super) fn cyclic(factors: &[DMatrix<f64>]) -> DMatrix<f64> {
     let (cycles, m) = (factors.len(), factors.first().map_or(0, DMatrix::nrows));
     let mut matrix = DMatrix::zeros(cycles * m, cycles * m);
     for (i, factor) in factors.iter().enumerate() {
@@ -66,7 +71,7 @@ fn cyclic(factors: &[DMatrix<f64>]) -> DMatrix<f64> {
 impl Shots {
     pub fn new(
         map: &SectionMap<'_>,
-        mut sections: Vec<Section>,
+        (mut sections, cycles): (Vec<Section>, u64),
         variations: &[Variation],
         drift: &Drift,
     ) -> Result<Self, SimulationError> {
@@ -74,7 +79,7 @@ impl Shots {
         let moving = 2 * structure.freedoms();
         let (images, whole) = loop {
             let mut words = WordObserver::new(structure, &sections[0].x);
-            let image = |(i, section)| map.at_step(i).image_with((section, 1), variations, &mut words);
+            let image = |(i, section)| map.at_step(i).image_with((section, cycles), variations, &mut words);
             let images = sections.iter().enumerate().map(image).collect::<Result<Vec<_>, _>>()?;
             let whole = joined(&images, map.steps())
                 .ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
@@ -87,11 +92,11 @@ impl Shots {
             sections.iter_mut().for_each(|section| kept.iter().for_each(|(i, speed)| section.x[*i] = *speed));
         };
         let unknowns = Unknowns::new(map, &whole, drift);
-        let next = sections.iter().cycle().skip(1);
-        let off: Vec<_> = images.iter().zip(next).map(|(i, next)| unknowns.between(&next.x, &i.end.x)).collect();
-        let largest = |m: f64, r: f64| if m.is_nan() || r.is_nan() { f64::NAN } else { m.max(r) };
-        let residual = off.iter().map(DVector::norm).fold(0.0, largest);
-        Ok(Self { sections, images, whole, unknowns, off, residual })
+        let ends = images.iter().map(|image| &image.end);
+        let off = between(&unknowns, &sections, ends);
+        let mut shots = Self { sections, cycles, images, whole, unknowns, off, residual: 0.0 };
+        shots.residual = shots.largest(&shots.off);
+        Ok(shots)
     }
 
     /// Returns the derivative of each cycle, in unknowns.
@@ -99,109 +104,80 @@ impl Shots {
         self.images.iter().map(|image| self.unknowns.reduced(&image.jacobian)).collect()
     }
 
-    /// Returns Newton's step of each section.
-    fn step(&self) -> Option<Vec<DVector<f64>>> {
+    /// Returns the largest norm of the parts of a vector that belong to one section.
+    pub fn largest(&self, y: &DVector<f64>) -> f64 {
         let m = self.unknowns.count();
-        let off = DVector::from_iterator(self.off.len() * m, self.off.iter().flat_map(|off| off.iter().map(|o| -o)));
-        let step = cyclic(&self.factors()).lu().solve(&off)?;
-        let parts = step.as_slice().chunks_exact(m.max(1)).map(DVector::from_column_slice).collect();
-        step.iter().all(|s| s.is_finite()).then_some(parts)
+        let larger = |m: f64, r: f64| if m.is_nan() || r.is_nan() { f64::NAN } else { m.max(r) };
+        (0..self.sections.len()).map(|i| y.rows(i * m, m).norm()).fold(0.0, larger)
     }
 
-    /// Returns the sections after a share of the step, with the modes of contacts at the end of the cycle before.
-    fn moved(&self, step: &[DVector<f64>], share: f64) -> Vec<Section> {
+    /// Returns Newton's step. That from one section has no part along undetermined directions, and the singular values are returned too.
+    pub fn step(&self) -> Result<(DVector<f64>, Option<Svd>), &'static str> {
+        if !self.residual.is_finite() {
+            return Err("the motion leaves the range of numbers");
+        }
+        if self.unknowns.count() == 0 {
+            return Err("the train drifts as a whole: nothing of its state returns");
+        }
+        let derivative = cyclic(&self.factors());
+        if derivative.iter().any(|entry| !entry.is_finite()) {
+            return Err("the derivative leaves the range of numbers");
+        }
+        let (step, svd) = if self.sections.len() == 1 {
+            let svd = derivative.svd(true, true);
+            (svd.solve(&-&self.off, NEUTRAL * svd.singular_values.max()).ok(), Some(svd))
+        } else {
+            (derivative.lu().solve(&-&self.off), None)
+        };
+        let step = step.filter(|step| step.iter().all(|s| s.is_finite()));
+        Ok((step.ok_or("the derivative cannot be inverted")?, svd))
+    }
+
+    /// Returns `sections` after a step, with the modes of contacts at the end of the run before.
+    pub fn moved(&self, sections: &[Section], step: &DVector<f64>) -> Vec<Section> {
         let before = self.images.iter().cycle().skip(self.images.len() - 1);
-        let each = self.sections.iter().zip(step).zip(before);
-        each.map(|((section, step), before)| {
-            let change = self.unknowns.lifted(step);
-            let x = section.x.iter().zip(&change).map(|(x, change)| x + share * change).collect();
+        let each = sections.iter().enumerate().zip(before);
+        let m = self.unknowns.count();
+        each.map(|((i, section), before)| {
+            let change = self.unknowns.lifted(&step.rows(i * m, m).into_owned());
+            let x = section.x.iter().zip(&change).map(|(x, change)| x + change).collect();
             Section { x, contacts: before.end.contacts.clone() }
         })
         .collect()
     }
+
+    /// Returns `off` of other sections, by runs without a derivative; `None` if one fails.
+    pub fn off_at(&self, map: &SectionMap<'_>, sections: &[Section]) -> Option<DVector<f64>> {
+        let run = |(i, section)| map.at_step(i).follow(section, self.cycles).ok();
+        let ends: Vec<Section> = sections.iter().enumerate().map(run).collect::<Option<_>>()?;
+        Some(between(&self.unknowns, sections, ends.iter())).filter(|off| off.norm().is_finite())
+    }
+
+    /// Returns whether contacts start each run as the run before leaves them.
+    pub fn is_alike(&self) -> bool {
+        let next = self.sections.iter().cycle().skip(1);
+        self.images.iter().zip(next).all(|(image, next)| image.end.contacts == next.contacts)
+    }
+}
+
+/// Singular values and vectors.
+pub(crate) type Svd = nalgebra::SVD<f64, nalgebra::Dyn, nalgebra::Dyn>;
+
+/// Returns the inverse without undetermined directions.
+pub(super) fn pseudo_inverse(svd: Svd) -> Result<DMatrix<f64>, &'static str> {
+    let least = NEUTRAL * svd.singular_values.max();
+    svd.pseudo_inverse(least)
+}
+
+/// Returns the end of each run minus the start of the next one, in unknowns.
+fn between<'a>(unknowns: &Unknowns, sections: &[Section], ends: impl Iterator<Item = &'a Section>) -> DVector<f64> {
+    let next = sections.iter().cycle().skip(1);
+    let all: Vec<f64> =
+        ends.zip(next).flat_map(|(end, next)| unknowns.between(&next.x, &end.x).data.as_vec().clone()).collect();
+    DVector::from_vec(all)
 }
 
 impl SectionMap<'_> {
-    /// Returns the orbit near `trail`, which has a section for each step of the period: for each cycle, unless the map is divided.
-    ///
-    /// # Errors
-    /// [`NewtonFailure`], if Newton's method does not converge, or if the period has more than 600 unknowns.
-    pub fn shoot(&self, trail: &[Section], drift: &Drift) -> Result<Orbit, NewtonFailure> {
-        self.shoot_from(trail, drift, Options::default())
-    }
-
-    /// Returns the orbit of [`shoot`](Self::shoot), with the patience and the task of `options`.
-    pub(super) fn shoot_from(
-        &self,
-        trail: &[Section],
-        drift: &Drift,
-        Options { patience, task, .. }: Options<'_>,
-    ) -> Result<Orbit, NewtonFailure> {
-        let missed = |residual: f64, reason: &str| NewtonFailure { residual, reason: reason.to_owned() };
-        let dim = trail.first().map_or(0, |section| section.x.len());
-        if trail.len() * dim > MOST {
-            return Err(missed(f64::INFINITY, "the period has too many unknowns for multiple shooting"));
-        }
-        self.repeats().map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
-        let shots = |sections| Shots::new(self, sections, &[], drift);
-        let mut now = shots(trail.to_vec()).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
-        let first = now.residual;
-        for count in 0..STEPS {
-            if task.is_cancelled() {
-                return Err(missed(now.residual, INTERRUPTED));
-            }
-            if patience.is_some_and(|steps| count == steps) && now.residual > 0.5 * first {
-                return Err(missed(now.residual, "Newton's method does not converge from here"));
-            }
-            if now.unknowns.count() == 0 {
-                return Err(missed(now.residual, "the train drifts as a whole: nothing of its state returns"));
-            }
-            let Some(step) = now.step() else { return Err(missed(now.residual, "the derivative cannot be inverted")) };
-            let length = step.iter().map(DVector::norm).fold(0.0, f64::max);
-            let is_closed = now.residual <= CLOSED;
-            if is_closed && length <= 1e-13 {
-                return self.assemble(now, drift);
-            }
-            if length > LONGEST {
-                return Err(missed(now.residual, "a step of Newton's method leaves the range of the motion"));
-            }
-            let halvings = if is_closed { 0 } else { HALVINGS };
-            let next = (0..=halvings).find_map(|halved| {
-                let trial = shots(now.moved(&step, 0.5f64.powi(halved))).ok()?;
-                (trial.residual < now.residual).then_some(trial)
-            });
-            match next {
-                Some(next) => now = next,
-                None if is_closed => return self.assemble(now, drift),
-                None => return Err(missed(now.residual, "no step of Newton's method makes the residual smaller")),
-            }
-        }
-        if now.residual <= CLOSED {
-            return self.assemble(now, drift);
-        }
-        Err(missed(now.residual, "Newton's method does not converge"))
-    }
-
-    /// Returns the orbit from converged shots, with its smallest period.
-    fn assemble(&self, shots: Shots, drift: &Drift) -> Result<Orbit, NewtonFailure> {
-        let cycles = shots.sections.len();
-        let mut next = shots.sections.iter().cycle().skip(1);
-        if shots.images.iter().any(|image| next.next().is_some_and(|next| next.contacts != image.end.contacts)) {
-            return Err(NewtonFailure { residual: shots.residual, reason: UNLIKE.to_owned() });
-        }
-        let apart = |i: usize| shots.unknowns.between(&shots.sections[0].x, &shots.sections[i].x).norm();
-        if let Some(shorter) = (self.steps()..cycles)
-            .step_by(self.steps())
-            .find(|shorter| cycles.is_multiple_of(*shorter) && apart(*shorter) <= SAME)
-        {
-            return self.shoot(&shots.sections[..shorter], drift);
-        }
-        let factors = shots.factors();
-        let condition = cyclic(&factors).singular_values().min();
-        let Shots { mut sections, whole, unknowns, residual, .. } = shots;
-        Ok(Orbit::of(sections.swap_remove(0), whole, (&unknowns, &factors), residual, condition.recip()))
-    }
-
     /// Returns the derivative of the start of an orbit by numbers of the train, `[dim, count]`; a drifting body keeps its place. For each
     /// cycle `J_i dx_i − dx_{i+1} = −∂x_{i+1}/∂α`.
     ///
@@ -211,7 +187,7 @@ impl SectionMap<'_> {
         let mut sections = orbit.image.between.clone();
         sections.rotate_right(1);
         sections[0] = orbit.section.clone();
-        let Shots { images, whole, unknowns, .. } = Shots::new(self, sections, variations, &self.drift())?;
+        let Shots { images, whole, unknowns, .. } = Shots::new(self, (sections, 1), variations, &self.drift())?;
         // A long period that was found as a whole is solved as a whole.
         let images = if images.len() * unknowns.count() > MOST { vec![whole] } else { images };
         let factors: Vec<_> = images.iter().map(|image| unknowns.reduced(&image.jacobian)).collect();
