@@ -70,8 +70,7 @@ impl Attractor {
                 // Most states differ by their first component.
                 return off(0) <= reach && (0..n).map(|i| off(i).powi(2)).sum::<f64>().sqrt() <= reach;
             }
-            let section = |x: &[f64]| Section { x: x.to_vec(), contacts: Vec::new() };
-            distance(map, &section(state), &section(x), &self.scales, drift) <= reach
+            distance(map, state, &x, &self.scales, drift) <= reach
         };
         self.period_cycles.is_some() && self.states.iter().any(near)
     }

@@ -2,11 +2,16 @@
 
 use std::ops::ControlFlow;
 
+use super::runner::Runner;
 use crate::{
     engine::{JumpRecord, Observer, State},
     hybrid::{ContactView, Instant, Mode},
     integrate::DenseStep,
-    orbit::{Approach, Motion, Section, SectionMap, WatchTime, decide},
+    orbit::{
+        Approach, Motion, Orbit, Section, SectionMap, WatchTime, decide,
+        kind::kind_of,
+        mover::{EngineMover, Mover},
+    },
     simulation::{Simulation, SimulationError},
     system::{ContactMode, Structure, guard_of},
     task::Task,
@@ -34,7 +39,7 @@ impl Default for CellRule {
 pub(super) const LEAST_CYCLES: u64 = 8;
 const LEAST_FURTHER_CYCLES: u64 = 64;
 /// Longest period searched for, cycles.
-pub(super) const LONGEST: u32 = 16;
+const LONGEST: u32 = 16;
 
 /// Flanks that are struck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -53,7 +58,7 @@ impl Impacts {
     pub const ALL: [Self; 3] = [Self::None, Self::SingleSided, Self::DoubleSided];
 
     /// Returns the value for the modes of a contact: separated, on the drive flank, on the back flank.
-    pub(super) fn of(met: [bool; 3]) -> Self {
+    fn of(met: [bool; 3]) -> Self {
         match met {
             [_, true, true] => Self::DoubleSided,
             [true, true, _] | [true, _, true] => Self::SingleSided,
@@ -91,7 +96,7 @@ pub struct Cell {
 }
 
 /// Returns mean and standard deviation.
-pub(super) fn average(values: &[f64]) -> [f64; 2] {
+fn average(values: &[f64]) -> [f64; 2] {
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     [mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()]
 }
@@ -170,6 +175,14 @@ impl CellRule {
         }
     }
 
+    fn approach(&self) -> Approach {
+        Approach { most_cycles: self.transient_cycles, longest_period: LONGEST, ..Approach::default() }
+    }
+
+    fn watching(&self) -> WatchTime {
+        WatchTime { cycles: self.further_cycles / 2, doublings: 1, is_settled: true }
+    }
+
     /// Returns the result of [`decide_generally`](Self::decide_generally), by a lane if the train has one.
     ///
     /// # Errors
@@ -188,6 +201,64 @@ impl CellRule {
         }
     }
 
+    /// Returns the result of [`decide`](Self::decide) by a lane; `None` if the train or its motion has none.
+    fn decide_in_lane(
+        &self,
+        simulation: &Simulation,
+        start: &State,
+        task: Task<'_>,
+    ) -> Result<Option<Cell>, SimulationError> {
+        let Some(mut lane) = Runner::new(simulation)? else { return Ok(None) };
+        lane.begin(start);
+        let Some(approached) = self.approach().along(&mut lane, task)? else { return Ok(None) };
+        let motion = Motion::of(&approached);
+        let decided = match approached.orbit {
+            Some(orbit) => Some((motion, Some(orbit))),
+            None => kind_of(&mut lane, motion, self.watching(), task)?,
+        };
+        let Some((motion, orbit)) = decided else { return Ok(None) };
+        let times = match &orbit {
+            Some(orbit) => lane.times(&orbit.section, orbit.period)?,
+            None => Some(lane.records.times),
+        };
+        let Some([separated, drive, back, drive_detached, back_detached]) = times else { return Ok(None) };
+        let total = separated + drive + back + drive_detached + back_detached;
+        let met = [separated > 0.0, drive + drive_detached > 0.0, back + back_detached > 0.0];
+        let flanks = Flanks { structure: &simulation.structure, apart: vec![separated], time: total, met: vec![met] };
+        self.cell(&mut lane, motion, orbit, &flanks)
+    }
+
+    /// Returns the cell of a motion that `mover` is on, or of its orbit. `None` if the run is interrupted.
+    fn cell<'s>(
+        &self,
+        mover: &mut impl Mover<'s>,
+        motion: Motion,
+        orbit: Option<Orbit>,
+        flanks: &Flanks<'_>,
+    ) -> Result<Option<Cell>, SimulationError> {
+        let period = mover.map().0.simulation().period()?;
+        let exponent = match &orbit {
+            Some(orbit) => Some(libm::log(orbit.largest_multiplier()) / (orbit.period as f64 * period)),
+            None => motion.exponent.map(|[exponent, _]| exponent),
+        };
+        let section = orbit.map_or_else(|| mover.section(), |orbit| orbit.section);
+        let mut averages = Vec::new();
+        if motion.period.is_none() && self.averages {
+            let mut seen = vec![Vec::new(); section.x.len()];
+            for _ in 0..self.further_cycles {
+                if !mover.cycle()? {
+                    return Ok(None);
+                }
+                seen.iter_mut().zip(mover.point().as_ref()).for_each(|(seen, x)| seen.push(*x));
+            }
+            averages = seen.iter().map(|values| average(values)).collect();
+        }
+        // A multiplier of zero has no exponent.
+        let exponent = exponent.filter(|exponent| exponent.is_finite());
+        let apart = flanks.apart.iter().map(|apart| apart / flanks.time).collect();
+        Ok(Some(Cell { impacts: flanks.impacts(), apart, exponent, section, averages, motion }))
+    }
+
     /// Runs `simulation` from `start` until the kind of its motion is known, or the allowed cycles do not decide it. `None` if the run is
     /// interrupted.
     ///
@@ -201,33 +272,16 @@ impl CellRule {
     ) -> Result<Option<Cell>, SimulationError> {
         let map = SectionMap::new(simulation)?;
         let mut engine = simulation.engine(start)?;
-        let approach = Approach { most_cycles: self.transient_cycles, longest_period: LONGEST, ..Approach::default() };
-        let Some(approached) = approach.run(&map, &mut engine, &mut (), task)? else { return Ok(None) };
+        let Some(approached) = self.approach().run(&map, &mut engine, &mut (), task)? else { return Ok(None) };
         let mut flanks = Flanks::new(&simulation.structure);
-        let watching = WatchTime { cycles: self.further_cycles / 2, doublings: 1, is_settled: true };
-        let decided = decide(&map, &mut engine, &approached, watching, &mut flanks, task)?;
+        let decided = decide(&map, &mut engine, &approached, self.watching(), &mut flanks, task)?;
         let Some((motion, decided)) = decided else { return Ok(None) };
         let orbit = approached.orbit.or(decided);
-        let mut exponent = motion.exponent.map(|[exponent, _]| exponent);
         if let Some(orbit) = &orbit {
             flanks = Flanks::new(flanks.structure);
             map.watch(&orbit.section, orbit.period, &mut flanks)?;
-            let growth = libm::log(orbit.largest_multiplier());
-            exponent = Some(growth / (orbit.period as f64 * simulation.period()?));
         }
-        // A multiplier of zero has no exponent.
-        let section = orbit.map_or_else(|| map.section(engine.state()), |orbit| orbit.section);
-        let mut averages = Vec::new();
-        if motion.period.is_none() && self.averages {
-            let (clock, mut seen) = (simulation.clock(), vec![Vec::new(); engine.state().x.len()]);
-            for _ in 0..self.further_cycles {
-                engine.run(clock.at(engine.state().at.cycle + 1, 0.0), &mut ())?;
-                seen.iter_mut().zip(&engine.state().x).for_each(|(seen, x)| seen.push(*x));
-            }
-            averages = seen.iter().map(|values| average(values)).collect();
-        }
-        let exponent = exponent.filter(|exponent| exponent.is_finite());
-        let apart = flanks.apart.iter().map(|apart| apart / flanks.time).collect();
-        Ok(Some(Cell { impacts: flanks.impacts(), apart, exponent, section, averages, motion }))
+        let drift = map.drift();
+        self.cell(&mut EngineMover::new(map, &drift, &mut engine, &mut ()), motion, orbit, &flanks)
     }
 }

@@ -9,7 +9,6 @@ mod cell;
 mod diagram;
 mod edges;
 mod kinds;
-mod lane;
 mod picture;
 mod plane;
 mod runner;

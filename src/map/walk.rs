@@ -5,12 +5,13 @@ use serde::{Deserialize, Serialize};
 use super::runner::Runner;
 use crate::{
     engine::{Engine, Outcome, State},
-    hybrid::{ContactView, Mode},
+    hybrid::ContactView,
     kernel::LaneRecords,
     orbit::{
         SectionMap,
         averages::means,
         frame::{Frame, column},
+        mover::Mover,
         words::{WordObserver, is_gained},
     },
     simulation::{Simulation, SimulationError},
@@ -77,8 +78,8 @@ impl<'s> Walk<'s> {
     /// Runs one cycle; returns `false` if the limit on events is reached.
     pub fn cycle(&mut self) -> Result<bool, SimulationError> {
         if let Some(runner) = &mut self.runner {
-            let goes_on = runner.cycle(&mut LaneRecords::default())?.is_ok();
-            self.x.copy_from_slice(&runner.x());
+            let goes_on = runner.cycle()?;
+            self.x.copy_from_slice(&runner.point());
             return Ok(goes_on);
         }
         let Some(engine) = &mut self.engine else { return Ok(false) };
@@ -93,21 +94,21 @@ impl<'s> Walk<'s> {
         let (simulation, mut record, mut rows) = (self.simulation, Record::default(), Vec::new());
         let (clock, period) = (simulation.clock(), simulation.period()?);
         if let Some(runner) = &mut self.runner {
-            let mut records =
+            runner.records =
                 LaneRecords { columns: Some(column(simulation)), strikes: Some(Vec::new()), ..LaneRecords::default() };
             for cycle in 0..cycles {
-                if runner.cycle(&mut records)?.is_err() {
+                if !runner.cycle()? {
                     return Ok(None);
                 }
-                record.points.push(runner.x().to_vec());
-                let strikes = records.strikes.iter_mut().flat_map(|strikes| strikes.drain(..));
+                record.points.push(runner.point().to_vec());
+                let strikes = runner.records.strikes.iter_mut().flat_map(|strikes| strikes.drain(..));
                 record.strikes.extend(strikes.map(|[time, rate, side]| {
                     let (phase, speed) = (time / period, side * rate);
                     Strike { cycle, contact: 0, side, phase, speed }
                 }));
-                rows.extend(runner.growth(&mut records).map(Vec::from));
+                rows.push(vec![runner.growth().0]);
             }
-            self.x.copy_from_slice(&runner.x());
+            self.x.copy_from_slice(&runner.point());
         } else {
             let Some(engine) = &mut self.engine else { return Ok(None) };
             let (drift, structure) = (SectionMap::new(simulation)?.drift(), &simulation.structure);
@@ -145,13 +146,14 @@ impl<'s> Walk<'s> {
 
     /// Returns the mode of each contact.
     pub fn contacts(&self) -> Vec<ContactMode> {
-        let mode = match (&self.runner, &self.engine) {
-            (Some(runner), _) => runner.mode(),
-            (None, Some(engine)) => engine.state().jump.mode.clone(),
-            (None, None) => Mode::default(),
-        };
         let structure = &self.simulation.structure;
-        (0..structure.contact_count()).map(|j| structure.contact_mode(j, &mode)).collect()
+        let mode = |engine: &Engine<'_>| {
+            (0..structure.contact_count()).map(|j| structure.contact_mode(j, &engine.state().jump.mode)).collect()
+        };
+        match &self.runner {
+            Some(runner) => runner.section().contacts,
+            None => self.engine.as_ref().map(mode).unwrap_or_default(),
+        }
     }
 
     /// Returns the state.

@@ -7,10 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Drift, Orbit, SectionMap,
+    mover::{EngineMover, Mover},
     newton::Options,
-    section::Section,
+    rest::returns,
     unknowns::{Unknowns, distance},
-    words::{WordObserver, sorted},
+    words::sorted,
 };
 use crate::{
     engine::{Engine, Observer, Outcome},
@@ -52,20 +53,20 @@ pub struct ApproachEnd {
 }
 
 /// Distance of two sections, in scales, below which Newton's method is tried.
-pub(crate) const NEAR: f64 = 0.03;
+pub(super) const NEAR: f64 = 0.03;
 /// Distance, in scales, within which a run is beside an unstable orbit.
-pub(crate) const BESIDE: f64 = 1e-3;
+pub(super) const BESIDE: f64 = 1e-3;
 /// Newton steps in which the residual must fall by half.
 pub(crate) const PATIENCE: usize = 3;
 /// Periods over which a run must approach an orbit.
-pub(crate) const FOLLOWED: u64 = 2;
+const FOLLOWED: u64 = 2;
 /// Share of the contraction by the derivative that a run must show.
-pub(crate) const CONTRACTS: f64 = 0.5;
+const CONTRACTS: f64 = 0.5;
 /// First cycle at which an orbit is searched for, and the growth of the intervals between later ones.
-pub(crate) const FIRST: u64 = 3;
-pub(crate) const GROWTH: f64 = 1.5;
+const FIRST: u64 = 3;
+const GROWTH: f64 = 1.5;
 /// Doublings of a sum over powers of the derivative: decays as slow as 2⁻⁴⁰ a period are summed.
-pub(crate) const DOUBLINGS: u32 = 46;
+const DOUBLINGS: u32 = 46;
 
 /// Measure of the distance from an orbit that attracts its neighbours: `‖y‖² = Σ_i |Jⁱ y|²`, which falls by `|y|²` in a period.
 struct Attraction {
@@ -98,9 +99,9 @@ impl Attraction {
 
 /// Returns the median distance of returns, after at most `longest` cycles, in each of the last three quarters of some sections, in scales;
 /// `None` if they are too few.
-pub(crate) fn return_distances(
+pub(super) fn return_distances(
     map: &SectionMap<'_>,
-    sections: &[Section],
+    sections: &[impl AsRef<[f64]>],
     longest: usize,
     drift: &Drift,
 ) -> Option<[f64; 3]> {
@@ -124,7 +125,7 @@ pub(crate) fn return_distances(
 }
 
 /// Returns the factor by which the distances of returns change from quarter to quarter, the larger one; 1 if there are too few.
-pub(crate) fn closing(returns: Option<[f64; 3]>) -> f64 {
+pub(super) fn closing(returns: Option<[f64; 3]>) -> f64 {
     returns.map_or(1.0, |[a, b, c]| (b / a).max(c / b))
 }
 
@@ -136,10 +137,10 @@ impl Approach {
     ///
     /// # Errors
     /// [`SimulationError`] if the run fails.
-    pub fn run(
+    pub fn run<'s>(
         &self,
-        map: &SectionMap<'_>,
-        engine: &mut Engine<'_>,
+        map: &SectionMap<'s>,
+        engine: &mut Engine<'s>,
         observer: &mut dyn Observer,
         task: Task<'_>,
     ) -> Result<Option<ApproachEnd>, SimulationError> {
@@ -152,29 +153,36 @@ impl Approach {
                 return Ok(None);
             }
         }
-        let mut sections: VecDeque<Section> = VecDeque::from([map.section(engine.state())]);
+        self.along(&mut EngineMover::new(*map, &drift, engine, observer), task)
+    }
+
+    /// Does the same for any way to run the motion, from the start of a cycle.
+    pub(crate) fn along<'s, M: Mover<'s>>(
+        &self,
+        mover: &mut M,
+        task: Task<'_>,
+    ) -> Result<Option<ApproachEnd>, SimulationError> {
+        let mut sections = VecDeque::from([mover.point()]);
         let kept = (self.longest_period.max(1) as usize + 1).max(self.most_cycles.min(4096) as usize / 2 + 1);
         let (mut cycles, mut next, mut reason) = (0, FIRST.min(self.most_cycles), None);
-        let mut unstable: Vec<Section> = Vec::new();
+        let mut unstable: Vec<Vec<f64>> = Vec::new();
         while cycles < self.most_cycles {
-            let at = clock.at(engine.state().at.cycle + 1, 0.0);
-            if engine.run(at, observer)? != Outcome::ReachedEnd || task.is_cancelled() {
+            if !mover.cycle()? || task.is_cancelled() {
                 return Ok(None);
             }
             cycles += 1;
             if sections.len() == kept {
                 sections.pop_front();
             }
-            sections.push_back(map.section(engine.state()));
+            sections.push_back(mover.point());
             if cycles < next {
                 continue;
             }
             next = (cycles + 1).max((cycles as f64 * GROWTH) as u64).min(self.most_cycles);
-            if let Some(orbit) =
-                self.candidate(map, sections.make_contiguous(), &drift, (&mut unstable, &mut reason, task))
-            {
+            let searched = (cycles, &mut unstable, &mut reason, task);
+            if let Some(orbit) = self.candidate(mover, sections.make_contiguous(), searched)? {
                 let before = sections.len();
-                let followed = self.follow(map, engine, &orbit, &drift, (&mut sections, observer, task))?;
+                let followed = self.follow(mover, &orbit, (&mut sections, task))?;
                 let Some(approaches) = followed else { return Ok(None) };
                 cycles += (sections.len() - before) as u64;
                 if approaches {
@@ -187,39 +195,47 @@ impl Approach {
                 sections.drain(..sections.len().saturating_sub(kept));
             }
         }
-        let sections = sections.make_contiguous();
-        let scales = map.scales_of(sections);
-        let (last, before) = (sections.len() - 1, sections.len().checked_sub(2));
-        let distance =
-            before.map_or(f64::INFINITY, |before| distance(map, &sections[last], &sections[before], &scales, &drift));
-        let closing = closing(return_distances(map, sections, self.longest_period as usize, &drift));
+        let sections: &[M::Point] = sections.make_contiguous();
+        let (map, drift) = mover.map();
+        let distance = match sections {
+            [.., before, last] => distance(&map, last, before, &map.scales_of(sections), drift),
+            _ => f64::INFINITY,
+        };
+        let closing = closing(return_distances(&map, sections, self.longest_period as usize, drift));
         Ok(Some(ApproachEnd { orbit: None, cycles, distance, closing, reason }))
     }
 
-    /// Returns a stable orbit near the last of `sections`, from Newton's method.
-    fn candidate(
+    /// Returns a stable orbit near the last of `sections`, from Newton's method, or the rest there.
+    fn candidate<'s, M: Mover<'s>>(
         &self,
-        map: &SectionMap<'_>,
-        sections: &[Section],
-        drift: &Drift,
-        (unstable, reason, task): (&mut Vec<Section>, &mut Option<String>, Task<'_>),
-    ) -> Option<Orbit> {
+        mover: &mut M,
+        sections: &[M::Point],
+        (cycles, unstable, reason, task): (u64, &mut Vec<Vec<f64>>, &mut Option<String>, Task<'_>),
+    ) -> Result<Option<Orbit>, SimulationError> {
+        let (map, drift) = mover.map();
+        if let [.., before, last] = sections
+            && returns(map.simulation(), before.as_ref(), last.as_ref(), cycles)
+            && let Some(orbit) = map.rest(mover.section(), cycles)?
+        {
+            return Ok(Some(orbit));
+        }
         let scales = map.scales_of(sections);
         let last = sections.len() - 1;
         // A run beside an unstable orbit has to leave it first.
-        if unstable.iter().any(|known| distance(map, known, &sections[last], &scales, drift) <= BESIDE) {
-            return None;
+        if unstable.iter().any(|known| distance(&map, known, &sections[last], &scales, drift) <= BESIDE) {
+            return Ok(None);
         }
         // The distance is weighted by the period: a long period has to close better.
-        let (_, period) = (1..=last.min(self.longest_period as usize))
-            .map(|k| (distance(map, &sections[last - k], &sections[last], &scales, drift), k))
+        let near = (1..=last.min(self.longest_period as usize))
+            .map(|k| (distance(&map, &sections[last - k], &sections[last], &scales, drift), k))
             .filter(|(apart, _)| *apart <= NEAR)
-            .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)))?;
+            .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)));
+        let Some((_, period)) = near else { return Ok(None) };
         let options = Options { patience: Some(PATIENCE), task, ..Options::default() };
-        match map.newton((vec![sections[last].clone()], period as u64), drift, options) {
+        match mover.solve(period as u64, options) {
             Ok(orbit) if !orbit.is_stable => {
                 *reason = Some("the orbit near the end of the run is not stable".into());
-                unstable.push(orbit.section);
+                unstable.push(orbit.section.x);
             }
             Ok(orbit) if orbit.is_marginal => {
                 let why = match orbit.image.corner {
@@ -229,43 +245,36 @@ impl Approach {
                     None => "has a multiplier on the unit circle",
                 };
                 *reason = Some(format!("the orbit near the end of the run {why}"));
-                unstable.push(orbit.section);
+                unstable.push(orbit.section.x);
             }
             Ok(orbit) if orbit.residual > self.tolerance => {
                 *reason = Some(format!("the orbit near the end of the run closes to {:e} only", orbit.residual));
             }
-            Ok(orbit) => return Some(orbit),
+            Ok(orbit) => return Ok(Some(orbit)),
             Err(missed) => *reason = Some(missed.reason),
         }
-        None
+        Ok(None)
     }
 
     /// Runs some further periods, adds their sections, and returns whether the run approaches `orbit` as required.
-    fn follow(
+    fn follow<'s, M: Mover<'s>>(
         &self,
-        map: &SectionMap<'_>,
-        engine: &mut Engine<'_>,
+        mover: &mut M,
         orbit: &Orbit,
-        drift: &Drift,
-        (sections, observer, task): (&mut VecDeque<Section>, &mut dyn Observer, Task<'_>),
+        (sections, task): (&mut VecDeque<M::Point>, Task<'_>),
     ) -> Result<Option<bool>, SimulationError> {
-        let (attraction, clock) = (Attraction::new(map, orbit, drift), map.simulation().clock());
-        let structure = &map.simulation().structure;
+        let (map, drift) = mover.map();
+        let attraction = Attraction::new(&map, orbit, drift);
         let word = sorted(&orbit.image.word);
-        let mut before = attraction.of(&engine.state().x);
+        let mut before = attraction.of(mover.point().as_ref());
         for _ in 0..FOLLOWED {
-            let mut words = WordObserver::new(structure, &engine.state().x);
-            for _ in 0..orbit.period {
-                let at = clock.at(engine.state().at.cycle + 1, 0.0);
-                if engine.run(at, &mut (&mut *observer, &mut words))? != Outcome::ReachedEnd || task.is_cancelled() {
-                    return Ok(None);
-                }
-                sections.push_back(map.section(engine.state()));
-            }
-            let now = attraction.of(&engine.state().x);
+            let Some(spelt) = mover.spell(orbit.period, sections)?.filter(|_| !task.is_cancelled()) else {
+                return Ok(None);
+            };
+            let now = attraction.of(mover.point().as_ref());
             let is_there = now[1].sqrt() <= self.tolerance;
             let comes = now[0] <= before[0] - CONTRACTS * before[1];
-            if sorted(&words.repeating()) != word || !(is_there || comes) {
+            if sorted(&spelt) != word || !(is_there || comes) {
                 return Ok(Some(false));
             }
             before = now;

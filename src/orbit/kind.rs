@@ -9,13 +9,13 @@ use super::{
     Approach, ApproachEnd, Drift, Orbit, SectionMap,
     approach::{BESIDE, NEAR, closing, return_distances},
     averages::means,
-    frame::Frame,
-    newton::CLOSED,
+    mover::{EngineMover, Mover},
     section::Section,
     unknowns::{ACCELERATES, Unknowns, distance},
 };
 use crate::{
-    engine::{Engine, Observer, Outcome, State},
+    engine::{Engine, Observer, State},
+    gear::contact::Law,
     simulation::SimulationError,
     task::Task,
 };
@@ -102,7 +102,7 @@ pub(super) const BANDS: f64 = 3.0;
 /// Growth of the state, relative to the largest state of the first cycles, that is an escape.
 const ESCAPED: f64 = 1e6;
 /// Factor of the distances of returns, in each of the last quarters of a run, below which the run still settles.
-pub(crate) const CLOSING: f64 = 0.7;
+const CLOSING: f64 = 0.7;
 /// Growth from quarter to quarter of the cycles that excludes a steady motion.
 const GROWS: f64 = 1.2;
 /// Bands above zero beyond which an exponent needs no other proof.
@@ -119,17 +119,17 @@ const STANDS: f64 = 1e-9;
 /// Perturbation away from an unstable orbit, in sizes of the state.
 const PUSHED: f64 = 1e-6;
 /// Distance, in scales, below which a section has returned.
-pub(crate) const CLOSES: f64 = 1e-6;
+const CLOSES: f64 = 1e-6;
 /// Longest return, cycles, to an unstable orbit beside which a motion may stay.
 const SHORT: usize = 16;
 /// Longest period searched for, cycles, once neighbours are known to approach each other.
-pub(crate) const LONG: u32 = 64;
+const LONG: u32 = 64;
 
 /// Reason of a motion that stays undecided, as its tangent is unknown.
 pub(super) const UNRESOLVED: &str = "the derivative along a step of its motion cannot be resolved";
 
 /// Returns the reason for which a motion is transient.
-pub(crate) fn still_closing(cycles: u64) -> String {
+fn still_closing(cycles: u64) -> String {
     format!("its sections still come nearer to each other after {cycles} cycles")
 }
 
@@ -193,23 +193,20 @@ fn digits(values: &[f64]) -> f64 {
     -libm::log10((off / spread).max(f64::EPSILON))
 }
 
-/// Further cycles of a motion, with its tangent and observables.
-pub(super) struct MotionCycles<'m, 's> {
-    map: &'m SectionMap<'s>,
-    drift: &'m Drift,
-    pub frame: Frame<'m>,
-    /// Logarithms of the growth of the column, a row for each cycle.
-    pub rows: Vec<Vec<f64>>,
-    /// True for each cycle in which rest has taken a rank of the column.
+/// Further cycles of a motion, with the growth of a difference and observables.
+pub(super) struct MotionCycles<P> {
+    /// Logarithms of the growth of the difference, a row for each cycle.
+    pub rows: Vec<[f64; 1]>,
+    /// True for each cycle in which rest has taken a rank of the difference.
     lost: Vec<bool>,
-    pub sections: Vec<Section>,
+    pub points: Vec<P>,
     observables: [Vec<f64>; 4],
     is_settled: bool,
 }
 
 /// Figures of the watched cycles; of their second half if a transient may be left in the first.
 #[derive(Clone, Copy)]
-pub(crate) struct Figures {
+pub(super) struct Figures {
     /// Digits to which averages agree.
     pub digits: f64,
     /// Largest exponent and its band, 1/s; −∞ if rest has merged neighbours.
@@ -264,27 +261,30 @@ impl Figures {
     }
 }
 
-impl<'m, 's> MotionCycles<'m, 's> {
-    pub fn new(map: &'m SectionMap<'s>, drift: &'m Drift, state: &State, is_settled: bool) -> Self {
-        let simulation = map.simulation();
-        let mut frame = Frame::single(simulation, drift);
-        frame.start(state);
+impl<P: AsRef<[f64]>> MotionCycles<P> {
+    pub fn new<'s>(mover: &mut impl Mover<'s, Point = P>, is_settled: bool) -> Self {
+        mover.carry();
         let observables = [const { Vec::new() }; 4];
-        Self { map, drift, frame, rows: Vec::new(), lost: Vec::new(), sections: Vec::new(), observables, is_settled }
+        Self { rows: Vec::new(), lost: Vec::new(), points: Vec::new(), observables, is_settled }
     }
 
     /// Runs one further cycle and returns whether it ended.
-    pub fn cycle(&mut self, engine: &mut Engine<'s>, observer: &mut dyn Observer) -> Result<bool, SimulationError> {
-        let at = self.map.simulation().clock().at(engine.state().at.cycle + 1, 0.0);
-        if engine.run(at, &mut (&mut self.frame, observer))? != Outcome::ReachedEnd {
+    pub fn cycle<'s>(&mut self, mover: &mut impl Mover<'s, Point = P>) -> Result<bool, SimulationError> {
+        if !mover.cycle()? {
             return Ok(false);
         }
-        self.rows.push(self.frame.take());
-        self.lost.push(self.frame.has_lost());
-        let section = self.map.section(engine.state());
-        self.map.observe(&section, &mut self.observables);
-        self.sections.push(section);
+        let (growth, is_lost) = mover.growth();
+        self.rows.push([growth]);
+        self.lost.push(is_lost);
+        let point = mover.point();
+        mover.map().0.observe(point.as_ref(), &mut self.observables);
+        self.points.push(point);
         Ok(true)
+    }
+
+    /// Returns whether a part of the motion could not be resolved.
+    pub fn is_unresolved(&self) -> bool {
+        self.rows.iter().any(|[growth]| growth.is_nan())
     }
 
     pub fn figures(&self, period: f64) -> Figures {
@@ -296,7 +296,7 @@ impl<'m, 's> MotionCycles<'m, 's> {
 
     /// Returns whether the motion grows from quarter to quarter of the cycles.
     fn grows(&self) -> bool {
-        let quarter = self.sections.len() / 4;
+        let quarter = self.points.len() / 4;
         self.observables.iter().any(|values| {
             let sizes = [1, 2, 3].map(|k| largest(&values[k * quarter..(k + 1) * quarter]));
             sizes.windows(2).all(|pair| pair[1] > GROWS * pair[0])
@@ -304,17 +304,17 @@ impl<'m, 's> MotionCycles<'m, 's> {
     }
 
     /// Returns whether it is still beside an orbit from which neighbours part. Leaving a symmetry may take thousands of cycles.
-    fn leaves(&self) -> bool {
-        let returns = return_distances(self.map, &self.sections, SHORT, self.drift);
+    fn leaves(&self, map: &SectionMap<'_>, drift: &Drift) -> bool {
+        let returns = return_distances(map, &self.points, SHORT, drift);
         returns.is_some_and(|[a, b, c]| c <= BESIDE || c <= NEAR && b > GROWS * a && c > GROWS * b)
     }
 
     /// Returns the number of cycles after which the last section returned, at most a quarter of all.
-    fn closes(&self) -> Option<usize> {
-        let (last, before) = self.sections.split_last()?;
-        let scales = self.map.scales_of(&self.sections[self.sections.len() / 2..]);
-        (1..=self.sections.len() / 4)
-            .find(|k| distance(self.map, &before[before.len() - k], last, &scales, self.drift) <= CLOSES)
+    fn closes(&self, map: &SectionMap<'_>, drift: &Drift) -> Option<usize> {
+        let (last, before) = self.points.split_last()?;
+        let scales = map.scales_of(&self.points[self.points.len() / 2..]);
+        let apart = |k: &usize| distance(map, &before[before.len() - k], last, &scales, drift);
+        (1..=self.points.len() / 4).find(|k| apart(k) <= CLOSES)
     }
 }
 
@@ -349,7 +349,6 @@ pub fn decide<'s>(
     task: Task<'_>,
 ) -> Result<Option<(Motion, Option<Orbit>)>, SimulationError> {
     let (simulation, drift) = (map.simulation(), map.drift());
-    let period = simulation.period()?;
     let mut motion = Motion::of(approached);
     let ends =
         |motion: Motion, kind: MotionKind, reason: Option<String>| Ok(Some((Motion { kind, reason, ..motion }, None)));
@@ -359,17 +358,6 @@ pub fn decide<'s>(
     }
     if approached.orbit.is_some() {
         return Ok(Some((motion, None)));
-    }
-    if approached.distance <= CLOSED
-        && let Some(orbit) = map.rest(map.section(engine.state()), approached.cycles)?
-    {
-        let rest = ApproachEnd {
-            orbit: Some(orbit),
-            cycles: approached.cycles,
-            distance: approached.distance,
-            ..ApproachEnd::default()
-        };
-        return Ok(Some((Motion::of(&rest), rest.orbit)));
     }
     // Equal planets with equal starts stay equal until rounding parts them late: exponents before would be those of another motion.
     let may_be_symmetric = simulation.structure.freedoms() > 1;
@@ -387,27 +375,46 @@ pub fn decide<'s>(
             return Ok(Some((motion, found.orbit)));
         }
     }
-    let first = largest(&engine.state().x).max(f64::MIN_POSITIVE);
-    let mut watched = MotionCycles::new(map, &drift, engine.state(), watching.is_settled);
+    kind_of(&mut EngineMover::new(*map, &drift, engine, observer), motion, watching, task)
+}
+
+/// Decides on a motion without a known orbit from further cycles, for any way to run it.
+pub(crate) fn kind_of<'s>(
+    mover: &mut impl Mover<'s>,
+    mut motion: Motion,
+    watching: WatchTime,
+    task: Task<'_>,
+) -> Result<Option<(Motion, Option<Orbit>)>, SimulationError> {
+    let (map, drift) = (mover.map().0, mover.map().1.clone());
+    let period = map.simulation().period()?;
+    let ends =
+        |motion: Motion, kind: MotionKind, reason: Option<String>| Ok(Some((Motion { kind, reason, ..motion }, None)));
+    let first = largest(mover.point().as_ref()).max(f64::MIN_POSITIVE);
+    let mut watched = MotionCycles::new(mover, watching.is_settled);
     let mut tried = None;
     for doubled in 0..=watching.doublings {
         while (watched.rows.len() as u64) < watching.cycles << doubled {
-            if !watched.cycle(engine, observer)? || task.is_cancelled() {
+            if !watched.cycle(mover)? || task.is_cancelled() {
                 return Ok(None);
             }
             motion.cycles += 1;
-            if largest(&engine.state().x) > ESCAPED * first {
+            if largest(mover.point().as_ref()) > ESCAPED * first {
                 let reason = format!("its state has grown {ESCAPED:e} times: it escapes");
                 return ends(motion, MotionKind::Transient, Some(reason));
             }
         }
-        if watched.frame.is_unresolved() {
+        if watched.is_unresolved() {
             return ends(motion, MotionKind::Undecided, Some(UNRESOLVED.to_owned()));
         }
         let figures = watched.figures(period);
         motion.exponent = Some([figures.exponent, figures.band]).filter(|e| e.iter().all(|e| e.is_finite()));
+        let is_last = doubled == watching.doublings;
+        // Where the transient is over, the first cycles decide on clear chaos alone.
+        if !is_last && watching.is_settled && figures.is_low() {
+            continue;
+        }
         // A section that returns, however late, and an exponent not clearly above zero: search for an orbit again.
-        let closes = watched.closes();
+        let closes = watched.closes(&map, &drift);
         if closes.is_some_and(|cycles| figures.growth * cycles as f64 > DETERMINED) {
             // Rest makes the section return; rounding before it decides when.
             let reason = "it comes to rest again and again, and amplifies rounding too much in between to have a period in doubles";
@@ -417,21 +424,19 @@ pub fn decide<'s>(
             let longest_period = closes.unwrap_or(1).max(LONG as usize) as u32;
             let long = Approach { longest_period, most_cycles: u64::from(4 * longest_period), ..Approach::default() };
             // A separate run, so that the averages have no gap.
-            let mut other = simulation.engine(engine.state().clone())?;
-            let Some(found) = long.run(map, &mut other, &mut (), task)? else { return Ok(None) };
+            let Some(found) = mover.aside(long, task)? else { return Ok(None) };
             if found.orbit.is_some() {
                 let (exponent, cycles) = (motion.exponent, motion.cycles + found.cycles);
                 return Ok(Some((Motion { exponent, cycles, ..Motion::of(&found) }, found.orbit)));
             }
             tried = found.reason.or(tried);
         }
-        if figures.is_regular(period) {
-            motion.rotation = rotation(map, &watched.sections, &drift);
+        if figures.is_regular(period) && !map.shrinks() {
+            motion.rotation = rotation(mover, &watched.points);
             return ends(motion, MotionKind::QuasiPeriodic, None);
         }
-        let is_last = doubled == watching.doublings;
-        if figures.is_chaotic(period, is_last) && (is_last || !watching.is_settled || !figures.is_low()) {
-            if watched.leaves() {
+        if figures.is_chaotic(period, is_last) {
+            if watched.leaves(&map, &drift) {
                 let reason = format!("it still leaves an unstable orbit after {} cycles", motion.cycles);
                 return ends(Motion { exponent: None, ..motion }, MotionKind::Transient, Some(reason));
             }
@@ -440,7 +445,7 @@ pub fn decide<'s>(
     }
     let (cycles, figures) = (motion.cycles, watched.figures(period));
     // If neighbours part, sections approach each other by chance alone.
-    if !figures.parts() && closing(return_distances(map, &watched.sections, LONG as usize, &drift)) <= CLOSING {
+    if !figures.parts() && closing(return_distances(&map, &watched.points, LONG as usize, &drift)) <= CLOSING {
         return ends(motion, MotionKind::Transient, Some(still_closing(cycles)));
     }
     if watched.grows() {
@@ -451,14 +456,22 @@ pub fn decide<'s>(
 }
 
 impl SectionMap<'_> {
+    /// Returns whether areas shrink from cycle to cycle in a plane of sections. The area inside a torus does not, so there is none.
+    fn shrinks(&self) -> bool {
+        let spec = self.simulation().structure.spec();
+        let is_damped = |law: &Law| matches!(law, Law::KelvinVoigt(law, _) if law.damping > 0.0);
+        let is_plane = spec.freedoms.len() == 1 && spec.contacts.len() == 1;
+        is_plane && (spec.damping[(0, 0)] > 0.0 || is_damped(&spec.contacts[0].law))
+    }
+
     /// Smooth functions of the state that no drift changes: sums of deflections, of spring forces, and of the rates of both.
-    fn observe(&self, section: &Section, values: &mut [Vec<f64>; 4]) {
+    fn observe(&self, x: &[f64], values: &mut [Vec<f64>; 4]) {
         let simulation = self.simulation();
         let (structure, at) = (&simulation.structure, simulation.clock().at(0, 0.0));
         let weight = |j: usize| (j as f64 + 2.0).sqrt();
         let mut sums = [0.0; 4];
         for j in 0..structure.contacts().len() {
-            let (d, rate) = structure.deflection(j, at, &section.x);
+            let (d, rate) = structure.deflection(j, at, x);
             sums[0] += weight(j) * d;
             sums[1] += weight(j) * rate;
         }
@@ -466,8 +479,8 @@ impl SectionMap<'_> {
         let n = stiffness.nrows();
         for (i, row) in stiffness.row_iter().enumerate() {
             for j in 0..n {
-                sums[2] += weight(i) * row[j] * section.x[j];
-                sums[3] += weight(i) * row[j] * section.x[n + j];
+                sums[2] += weight(i) * row[j] * x[j];
+                sums[3] += weight(i) * row[j] * x[n + j];
             }
         }
         values.iter_mut().zip(sums).for_each(|(values, sum)| values.push(sum));
@@ -476,21 +489,21 @@ impl SectionMap<'_> {
 
 /// Returns the turns per cycle around the orbit of one cycle that the motion encloses. They are the weighted average of the increments of
 /// the angle in the plane of its largest pair of complex multipliers.
-fn rotation(map: &SectionMap<'_>, states: &[Section], drift: &Drift) -> Option<f64> {
-    let dim = states.first()?.x.len();
-    let middle = (0..dim).map(|i| weighted(&states.iter().map(|s| s.x[i]).collect::<Vec<_>>())).collect();
-    let start = Section { x: middle, contacts: states[0].contacts.clone() };
+fn rotation<'s, M: Mover<'s>>(mover: &M, points: &[M::Point]) -> Option<f64> {
+    let ((map, drift), Section { x, contacts }) = (mover.map(), mover.section());
+    let middle = |i: usize| weighted(&points.iter().map(|x| x.as_ref()[i]).collect::<Vec<_>>());
+    let start = Section { x: (0..x.len()).map(middle).collect(), contacts };
     let orbit = map.solve(&start, 1, drift).ok()?;
     let pair = orbit.multipliers.iter().find(|m| m.im > 0.0)?;
-    let unknowns = Unknowns::new(map, &orbit.image, drift);
+    let unknowns = Unknowns::new(&map, &orbit.image, drift);
     let reduced = unknowns.reduced(&orbit.image.jacobian);
     // A row u with u J = μ u: the last singular vector of Jᵀ − μ.
     let shifted =
         reduced.transpose().map(|v| Complex::new(v, 0.0)) - DMatrix::identity(reduced.nrows(), reduced.ncols()) * *pair;
     let vectors = shifted.svd(false, true).v_t?;
     let row = vectors.row(vectors.nrows() - 1).map(|v| v.conj());
-    let place = |section: &Section| {
-        let off = unknowns.between(&orbit.section.x, &section.x);
+    let place = |x: &M::Point| {
+        let off = unknowns.between(&orbit.section.x, x.as_ref());
         row.iter().zip(off.iter()).map(|(u, y)| u * *y).sum::<Complex<f64>>()
     };
     let mean = pair.arg();
@@ -498,7 +511,7 @@ fn rotation(map: &SectionMap<'_>, states: &[Section], drift: &Drift) -> Option<f
         let off = (pair_of[1] / pair_of[0]).arg() - mean;
         mean + off - TAU * (off / TAU).round()
     };
-    let places: Vec<Complex<f64>> = states.iter().map(place).collect();
+    let places: Vec<Complex<f64>> = points.iter().map(place).collect();
     let turns = weighted(&places.windows(2).map(angle).collect::<Vec<_>>()) / TAU;
     let turns = turns.rem_euclid(1.0);
     Some(turns.min(1.0 - turns)).filter(|turns| turns.is_finite())

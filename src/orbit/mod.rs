@@ -10,6 +10,7 @@ mod crossing;
 pub(crate) mod exponents;
 pub(crate) mod frame;
 pub(crate) mod kind;
+pub(crate) mod mover;
 pub(crate) mod newton;
 mod partners;
 pub mod pictures;

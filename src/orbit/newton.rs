@@ -61,7 +61,7 @@ pub struct Orbit {
 
 /// Options of Newton's method.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Options<'a> {
+pub(crate) struct Options<'a> {
     /// Steps in which the residual must fall by half, or the search ends.
     pub patience: Option<usize>,
     /// States of known orbits, which the search avoids.

@@ -15,12 +15,18 @@ use serde::{Deserialize, Deserializer, Serialize};
 use super::{Corner, Tangent, words::WordObserver};
 
 /// State at the start of a cycle, complete for the motion after it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Section {
     /// `(q, q̇, latched speeds)`, `[dim]`.
     pub x: Vec<f64>,
     /// Mode of each contact.
     pub contacts: Vec<ContactMode>,
+}
+
+impl AsRef<[f64]> for Section {
+    fn as_ref(&self) -> &[f64] {
+        &self.x
+    }
 }
 
 /// Share of a period within which an event lies on phase 0: by rounding, it may be found twice, or not at all.
@@ -32,7 +38,7 @@ pub(super) fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error
 }
 
 /// End of some cycles from a section, with its derivatives.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Image {
     /// Section after the cycles.
@@ -64,6 +70,24 @@ pub struct Image {
     pub sizes: Vec<f64>,
     /// Number of arcs and jumps, for an estimate of rounding.
     pub pieces: u64,
+}
+
+impl Image {
+    /// Returns the image of a train of one degree of freedom that keeps its rank and latches nothing: the section after each cycle, the
+    /// derivative of the last one, and the tokens of the events.
+    pub(crate) fn of_cycles(start: &[f64], between: Vec<Section>, jacobian: DMatrix<f64>, word: Vec<String>) -> Self {
+        let size = |i: usize| between.iter().fold(start[i].abs(), |m, section| m.max(section.x[i].abs()));
+        Self {
+            end: between[between.len() - 1].clone(),
+            sizes: (0..start.len()).map(size).collect(),
+            by_number: DMatrix::zeros(start.len(), 0),
+            volume: libm::log(jacobian.determinant().abs()),
+            between,
+            jacobian,
+            word,
+            ..Self::default()
+        }
+    }
 }
 
 /// Map of states over whole cycles of the forcing, from phase 0 to phase 0.

@@ -3,6 +3,7 @@
 use super::{
     ApproachEnd, Motion, MotionKind, SectionMap, WatchTime,
     kind::{BANDS, DETERMINED, Figures, MotionCycles, PARTED, REGULAR, UNRESOLVED},
+    mover::EngineMover,
     unknowns::ACCELERATES,
 };
 use crate::{
@@ -35,18 +36,19 @@ pub fn decide_on_torus<'s>(
     if drift.accelerates(simulation) {
         return ends(motion, MotionKind::Transient, ACCELERATES.to_owned());
     }
-    let mut watched = MotionCycles::new(map, &drift, engine.state(), watching.is_settled);
+    let mut mover = EngineMover::new(*map, &drift, engine, observer);
+    let mut watched = MotionCycles::new(&mut mover, watching.is_settled);
     let doublings = watching.doublings + MORE;
     for doubled in 0..=doublings {
         while (watched.rows.len() as u64) < watching.cycles << doubled {
-            if !watched.cycle(engine, observer)? || task.is_cancelled() {
+            if !watched.cycle(&mut mover)? || task.is_cancelled() {
                 return Ok(None);
             }
             // The averages are of observables; sections are not compared.
-            watched.sections.clear();
+            watched.points.clear();
             motion.cycles += 1;
         }
-        if watched.frame.is_unresolved() {
+        if watched.is_unresolved() {
             return ends(motion, MotionKind::Undecided, UNRESOLVED.to_owned());
         }
         let figures = watched.figures(period);

@@ -59,9 +59,19 @@ impl Drift {
 }
 
 /// Returns the distance of two sections, in scales, without drift and latched speeds.
-pub(crate) fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
+pub(crate) fn distance(
+    map: &SectionMap<'_>,
+    a: &impl AsRef<[f64]>,
+    b: &impl AsRef<[f64]>,
+    scales: &[f64],
+    drift: &Drift,
+) -> f64 {
     let n = map.simulation().structure.freedoms();
-    let mut off: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| b - a).collect();
+    let off = a.as_ref().iter().zip(b.as_ref()).map(|(a, b)| b - a);
+    if drift.directions.is_empty() {
+        return off.zip(&scales[..2 * n]).map(|(off, scale)| (off / scale).powi(2)).sum::<f64>().sqrt();
+    }
+    let mut off: Vec<f64> = off.collect();
     for (direction, is_free) in drift.directions.iter().zip(&drift.is_free) {
         for part in off[..2 * n].chunks_exact_mut(n).take(1 + usize::from(*is_free)) {
             let share = drift_share(map.simulation(), direction, part);
@@ -121,9 +131,9 @@ impl SectionMap<'_> {
     }
 
     /// Returns the scales from the states of some sections.
-    pub(crate) fn scales_of(&self, sections: &[Section]) -> Vec<f64> {
-        let dim = sections.first().map_or(0, |section| section.x.len());
-        let size = |i: usize| sections.iter().map(|section| section.x[i].abs()).fold(0.0, f64::max);
+    pub(crate) fn scales_of(&self, sections: &[impl AsRef<[f64]>]) -> Vec<f64> {
+        let dim = sections.first().map_or(0, |section| section.as_ref().len());
+        let size = |i: usize| sections.iter().map(|section| section.as_ref()[i].abs()).fold(0.0, f64::max);
         self.scales(&(0..dim).map(size).collect::<Vec<_>>())
     }
 }
