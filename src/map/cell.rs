@@ -7,9 +7,10 @@ use crate::{
     engine::{JumpRecord, Observer, State},
     hybrid::{ContactView, Instant, Mode},
     integrate::DenseStep,
+    kernel::LaneRecords,
     orbit::{
         Approach, Motion, Orbit, Section, SectionMap, WatchTime, decide,
-        kind::kind_of,
+        kind::{STANDS, kind_of},
         mover::{EngineMover, Mover},
     },
     simulation::{Simulation, SimulationError},
@@ -211,6 +212,10 @@ impl CellRule {
         let Some(mut lane) = Runner::new(simulation)? else { return Ok(None) };
         lane.begin(start);
         let Some(approached) = self.approach().along(&mut lane, task)? else { return Ok(None) };
+        // A run that stands on an orbit is moved off it first, which an engine does.
+        if approached.orbit.is_none() && approached.distance <= STANDS {
+            return Ok(None);
+        }
         let motion = Motion::of(&approached);
         let decided = match approached.orbit {
             Some(orbit) => Some((motion, Some(orbit))),
@@ -225,6 +230,8 @@ impl CellRule {
         let total = separated + drive + back + drive_detached + back_detached;
         let met = [separated > 0.0, drive + drive_detached > 0.0, back + back_detached > 0.0];
         let flanks = Flanks { structure: &simulation.structure, apart: vec![separated], time: total, met: vec![met] };
+        // Averages need no derivative.
+        lane.records = LaneRecords::default();
         self.cell(&mut lane, motion, orbit, &flanks)
     }
 

@@ -127,7 +127,8 @@ impl<'s> Runner<'s> {
         self.lane.place(state.at, [state.x[0], state.x[1]], &state.jump);
     }
 
-    /// Returns the records of some cycles, without those of the motion; `None` if the lane stops. Calls `each` after every cycle.
+    /// Runs some cycles and returns what they record; `None` if the lane stops. The runner's own records stay. Calls `each` after every
+    /// cycle.
     fn recorded(
         &mut self,
         cycles: u64,
@@ -238,7 +239,7 @@ impl<'s> Mover<'s> for Runner<'s> {
         Section { x: self.point().to_vec(), contacts: vec![contact_mode(&self.lane.jump().mode, 0)] }
     }
 
-    /// A lane also stops where a contact comes to rest.
+    /// Runs one cycle. Returns `false` also where a contact comes to rest.
     fn cycle(&mut self) -> Result<bool, SimulationError> {
         let records = &mut self.records;
         if self.lane.cycle(records) {

@@ -108,6 +108,7 @@ impl<'s> Walk<'s> {
                 }));
                 rows.push(vec![runner.growth().0]);
             }
+            runner.records = LaneRecords::default();
             self.x.copy_from_slice(&runner.point());
         } else {
             let Some(engine) = &mut self.engine else { return Ok(None) };

@@ -57,7 +57,7 @@ pub(super) const NEAR: f64 = 0.03;
 /// Distance, in scales, within which a run is beside an unstable orbit.
 pub(super) const BESIDE: f64 = 1e-3;
 /// Newton steps in which the residual must fall by half.
-pub(crate) const PATIENCE: usize = 3;
+const PATIENCE: usize = 3;
 /// Periods over which a run must approach an orbit.
 const FOLLOWED: u64 = 2;
 /// Share of the contraction by the derivative that a run must show.

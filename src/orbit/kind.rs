@@ -115,7 +115,7 @@ pub(super) const DETERMINED: f64 = 32.0;
 /// cycles, which looks like an exponent.
 pub(super) const PARTED: f64 = 10.0;
 /// Distance of two sections, in scales, below which a run rests on an orbit.
-const STANDS: f64 = 1e-9;
+pub(crate) const STANDS: f64 = 1e-9;
 /// Perturbation away from an unstable orbit, in sizes of the state.
 const PUSHED: f64 = 1e-6;
 /// Distance, in scales, below which a section has returned.

@@ -12,7 +12,7 @@ pub(crate) const NEUTRAL: f64 = 1e-6;
 
 /// Returns whether a cycle from `x` ends at `x`, within the rounding of `cycles` cycles before it: an undamped velocity keeps that
 /// rounding. After 200 cycles without events the motion is then some 10¹¹ cycles away from a flank.
-pub(crate) fn returns(simulation: &Simulation, x: &[f64], end: &[f64], cycles: u64) -> bool {
+pub(super) fn returns(simulation: &Simulation, x: &[f64], end: &[f64], cycles: u64) -> bool {
     let (n, omega) = (simulation.structure.freedoms(), simulation.clock().omega());
     let backlashes = simulation.structure.spec().contacts.iter().map(|c| c.half_backlash);
     let positions = x[..n].iter().map(|q| q.abs()).chain(x[n..2 * n].iter().map(|v| v.abs() / omega));

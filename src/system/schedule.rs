@@ -203,7 +203,8 @@ impl Schedule {
         starts.into_iter().map(far).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start)
     }
 
-    /// Returns the end of piece `number`, in force at an instant that is `late` to within rounding. It is before that if the piece is over.
+    /// Returns the end of piece `number`. `late` is the result of [`late()`] for the present instant; the end is before it if the
+    /// piece is over.
     pub fn end(&self, clock: &Clock, late: Instant, number: u32) -> Option<Instant> {
         let (k, i) = self.last_of(clock, late, number);
         match self {

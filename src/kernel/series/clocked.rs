@@ -144,7 +144,7 @@ impl Expansion<'_> {
         fours.iter().enumerate().for_each(|(chunk, four)| self.keep(chunk, four, rows));
     }
 
-    /// Writes those series of four contacts, one after the other, that are not yet in the working space.
+    /// Writes those series of four contacts, one after the other, that are not yet in the rows.
     #[inline(always)]
     fn keep(&self, chunk: usize, four: &FourSeries, rows: &mut StepRows) {
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {

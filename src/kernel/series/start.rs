@@ -144,7 +144,8 @@ impl Expansion<'_> {
         rows.terms[number] = path.numbers(path.where_above(most, size, terms, path.four(rows.sizes[number])));
     }
 
-    /// Writes the start of contact `j` where an exact zero or two doubles give it better than the state.
+    /// Writes the start of contact `j` where an exact zero or two doubles give it better than the state: the rule of [`ContactStart`] in the
+    /// rows of a step.
     fn exact_start(&self, j: usize, rows: &mut StepRows) {
         let (four, lane) = (j / LANES, j % LANES);
         if self.keeps_low() {

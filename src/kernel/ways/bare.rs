@@ -1,7 +1,7 @@
 //! Step of a linear mode of which only the end is needed.
 //!
 //! Series, reach, rows and result equal those of the full step, bit for bit. Work that most steps do not need is omitted. A guard that
-//! stays clear of zero by the sizes of its terms gets no row. The first of the others that falls is the event, if it falls alone. In all
+//! its terms cannot lower to zero gets no row. The first of the others that falls is the event, if it falls alone. In all
 //! other cases the step itself decides.
 
 use smallvec::SmallVec;
@@ -22,7 +22,7 @@ use crate::{
     vectors::Path,
 };
 
-/// Rounding of two sums of the terms of a series relative to their sizes.
+/// Rounding of the sums of the terms of a series, of the powers and of the Bernstein basis in them, relative to the sizes of the terms.
 const SUMMED: f64 = 2.0 * ROW as f64 * f64::EPSILON;
 /// Widest fall that counts as decided, relative to the step: at full precision, in units of the truncation, and at most.
 const SHARP: [f64; 3] = [1e-11, 1e5, 1e-2];
@@ -45,7 +45,7 @@ struct FlankValues {
     rest: Four,
 }
 
-/// Guard that may reach zero by the sizes of its terms.
+/// Guard that its terms may lower to zero.
 struct UndecidedGuard {
     /// Number of the guard in the mode.
     number: usize,
@@ -279,8 +279,9 @@ impl Ways<'_> {
         };
         let (mut limit, mut first) = (1.0, None);
         for (place, series) in rows.iter().enumerate() {
-            // The coefficients of the others have been tested, except after an exact zero.
-            let is_clear = series.order > 0 && poly::certainly_positive(series.p, series.error);
+            // The coefficients of a guard of position have been tested, except after an exact zero.
+            let is_tested = series.order == 0 && motion.guards[doubtful[place].number].watch != Watch::Force;
+            let is_clear = !is_tested && poly::certainly_positive(series.p, series.error);
             if is_clear || is_twin(&first, series) {
                 continue;
             }

@@ -4,7 +4,7 @@
 
 use std::sync::LazyLock;
 
-use crate::kernel::ways::two::{self, Two};
+use super::two::{self, Two};
 use crate::{
     hybrid::Wide,
     poly::{MOST_FOURS, Numbers, Row},

@@ -36,7 +36,7 @@ use crate::{
     vectors::{Baseline, Path, Work},
 };
 
-/// Motion of a mode, with what its ways to the next event keep.
+/// Motion of a mode, with its propagators and buffers.
 #[derive(Debug)]
 pub struct Ways<'s> {
     pub motion: Motion<'s>,

@@ -11,7 +11,7 @@
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler unrolls
 
-use crate::kernel::ways::nodes::{
+use super::nodes::{
     END, Ellipse, Fours, LANES, LEBESGUE, Nodes, ROUNDED, SUMMED, Values, antiderivative, coefficient, dot, fours,
     numbers, sizes, total, value,
 };
