@@ -23,8 +23,10 @@ pub struct ContactRows {
     pub penetration: Series,
     /// Power of the penetration.
     pub power: Series,
-    /// Stiffness, if it varies, N/m; of a contact that leaves with the owner of the clock its penetration less that of the owner, m.
+    /// Stiffness, if it varies, N/m.
     pub stiffness: Series,
+    /// Penetration less that of the owner of the clock, of a contact that leaves with it, m.
+    pub apart: Series,
     /// Hysteresis factor `1 + χ ṗ`.
     pub factor: Series,
 }

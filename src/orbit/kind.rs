@@ -408,11 +408,6 @@ pub(crate) fn kind_of<'s>(
         }
         let figures = watched.figures(period);
         motion.exponent = Some([figures.exponent, figures.band]).filter(|e| e.iter().all(|e| e.is_finite()));
-        let is_last = doubled == watching.doublings;
-        // Where the transient is over, the first cycles decide on clear chaos alone.
-        if !is_last && watching.is_settled && figures.is_low() {
-            continue;
-        }
         // A section that returns, however late, and an exponent not clearly above zero: search for an orbit again.
         let closes = watched.closes(&map, &drift);
         if closes.is_some_and(|cycles| figures.growth * cycles as f64 > DETERMINED) {
@@ -435,7 +430,8 @@ pub(crate) fn kind_of<'s>(
             motion.rotation = rotation(mover, &watched.points);
             return ends(motion, MotionKind::QuasiPeriodic, None);
         }
-        if figures.is_chaotic(period, is_last) {
+        let is_last = doubled == watching.doublings;
+        if figures.is_chaotic(period, is_last) && (is_last || !watching.is_settled || !figures.is_low()) {
             if watched.leaves(&map, &drift) {
                 let reason = format!("it still leaves an unstable orbit after {} cycles", motion.cycles);
                 return ends(Motion { exponent: None, ..motion }, MotionKind::Transient, Some(reason));

@@ -268,3 +268,7 @@ impl Bernstein {
         self.coefficients().iter().fold(0.0, |m, c| c.abs().max(m))
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/bernstein.rs"]
+mod tests;

@@ -1,4 +1,6 @@
-//! Deflections in vectors against deflections one by one.
+//! Starts of contacts in vectors against those one by one.
+
+use std::cell::RefCell;
 
 use nalgebra::DMatrix;
 
@@ -8,6 +10,7 @@ use crate::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release},
     },
+    hybrid::{FULL_PRECISION, GuardSet},
     system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure},
     vectors::{Baseline, Instructions, Work},
 };
@@ -65,6 +68,66 @@ fn deflections_in_vectors_have_the_bits_of_those_one_by_one() {
                 let [sums, sizes] = terms[j / LANES];
                 assert_eq!(sums[j % LANES].to_bits(), dot(&c.direction, &x).to_bits());
                 assert_eq!(sizes[j % LANES].to_bits(), s.deflection_size(c, &x).to_bits());
+            }
+        }
+    }
+}
+
+struct Started<'a>(&'a Expansion<'a>);
+
+impl Work for Started<'_> {
+    type Output = StepRows;
+
+    fn on<P: Path>(self, path: P) -> StepRows {
+        let (mut jet, s) = (Jet::default(), self.0.s);
+        jet.rows.fit(s.n, s.contacts.len(), s.oscillators.len());
+        self.0.start(path, &mut jet);
+        jet.rows
+    }
+}
+
+#[test]
+fn contacts_of_a_step_start_as_those_of_a_leap() {
+    let s = train(9);
+    let x: Vec<f64> = (0..s.dim).map(|i| 0.08 * libm::cos(2.0 + i as f64)).collect();
+    let at = Instant::default();
+    let mode = s.start(at, &x[..s.n], &x[s.n..]).unwrap().jump.mode;
+    let motion = Motion::new(&s, &mode);
+    let is_open = |j: usize| motion.parts[j].state == ContactMode::Separated;
+    assert!((0..9).any(is_open) && !(0..9).all(is_open), "contacts of both kinds");
+    // Every third stretch is unknown. Some guards are exactly zero: of the flank that a contact presses or has left, or of a force.
+    let carried: Vec<f64> = (0..9).map(|j| if j % 3 == 0 { f64::NAN } else { 0.001 * f64::from(j - 4) }).collect();
+    let drive = |j: usize| guard_id(j, Watch::DriveFlank);
+    let force = |j: usize| guard_id(j, Watch::Force);
+    let closed = (0..9).find(|j| !is_open(*j)).unwrap();
+    let open = (0..9).find(|j| is_open(*j)).unwrap();
+    for zeros in [vec![], vec![drive(open), force(closed)], vec![drive(closed)], (0..9).map(drive).collect()] {
+        let (pinned, still) = (zeros.into_iter().collect::<GuardSet>(), GuardSet::default());
+        let request = JetRequest {
+            at,
+            x: &x,
+            low: &[],
+            pinned: &pinned,
+            still: &still,
+            carried: &carried,
+            span: 1.0,
+            tolerance: FULL_PRECISION,
+            left_out: [0.0; 2],
+        };
+        let room = RefCell::default();
+        let step = Expansion { s: &s, motion: &motion, request: &request, room: &room, h: 1.0, is_bare: true };
+        for rows in [Baseline.run(Started(&step)), Instructions::best().run(Started(&step))] {
+            for (j, c) in s.contacts.iter().enumerate() {
+                let by_state = dot(&c.direction, &x) - waves(c.spec.error_offset, &c.error, 0, &rows);
+                let given = SpanStart::new(&request, j, rows.size(j));
+                let rate = || step.rate(j, 0, &x[s.n..], &rows);
+                let start = ContactStart::new(&motion, &given, j, by_state, rate);
+                assert_eq!(start.deflection, rows.deflection(j, 0), "{j}");
+                let stretch = if is_open(j) { rows.gap(j) } else { rows.stretch(j) };
+                assert!(start.stretch == stretch || start.stretch.is_nan() && stretch.is_nan(), "{j}: {stretch}");
+                if given.zeros == [false; 3] {
+                    assert_eq!(start.error, ROUNDING * rows.terms[j / LANES][j % LANES], "{j}");
+                }
             }
         }
     }

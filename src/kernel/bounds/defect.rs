@@ -198,7 +198,7 @@ impl Expansion<'_> {
                         let owner = if goes { clock.owner } else { Some(j).filter(|j| clock.owner == Some(*j)) };
                         if let Some(i) = owner.filter(|_| clock.root == law.exponent.q) {
                             let left = root.power(law, k * f, (i, penetration(i)), c, &mut forces);
-                            let apart = || sizes(&rows.contacts[j].stiffness, &powers);
+                            let apart = || sizes(&rows.contacts[j].apart, &powers);
                             let rounding = ROUNDING * rows.size(j);
                             left + if goes { root.beside(law, &apart(), rounding) } else { 0.0 }
                         } else {

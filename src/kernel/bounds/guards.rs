@@ -251,15 +251,15 @@ impl Expansion<'_> {
     pub fn stretch_size(&self, j: usize, clock: Option<&StepClock>, size: f64, rows: &StepRows) -> f64 {
         let carried = self.request.carried.get(j).is_some_and(|stretch| !stretch.is_nan());
         let state = self.motion.parts[j].state;
-        let given = || {
-            state.side() != 0.0
-                && !self.request.pinned.is_empty()
+        let is_closed = state.side() != 0.0;
+        let is_exact = || {
+            !self.request.pinned.is_empty()
                 && [Watch::DriveFlank, Watch::BackFlank, Watch::Force].iter().any(|w| self.pinned(j, *w))
         };
         // A gap that is zero by chance is not exact, and is taken from the state.
         if state == ContactMode::Separated && carried && rows.gap(j).abs() > 0.0 {
             rows.gap(j).abs()
-        } else if clock.is_none() && (carried || given()) {
+        } else if clock.is_none() && (is_closed && carried || (is_closed || carried) && is_exact()) {
             rows.stretch(j).abs()
         } else {
             size

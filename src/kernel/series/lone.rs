@@ -35,9 +35,9 @@ impl Expansion<'_> {
                 }
                 // Equal contacts stay equal to the last bit.
                 (ContactAction::AsOwner(law), Some(owner)) => {
-                    rows.contacts[j].stiffness[k] = four.penetration[k][l] - rows.contacts[owner].penetration[k];
+                    rows.contacts[j].apart[k] = four.penetration[k][l] - rows.contacts[owner].penetration[k];
                     let slope = rows.clock.y((law.exponent.p - law.exponent.q) as usize);
-                    let changed = law.exponent.value() * product(slope, &rows.contacts[j].stiffness, k);
+                    let changed = law.exponent.value() * product(slope, &rows.contacts[j].apart, k);
                     power[l] = rows.contacts[owner].power[k] + changed;
                 }
                 _ => {}

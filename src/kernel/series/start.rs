@@ -138,10 +138,12 @@ impl Expansion<'_> {
         let by_state = path.minus(path.four(rows.deflections[number][0]), path.four(flanks.flank));
         let stretch = path.where_above(most, size, path.where_above(side, zero, known, by_state), by_state);
         // A gap that is zero by chance is not exact, and is taken from the state.
-        let terms = path.where_above(size, zero, size, path.sizes(stretch));
+        let by_terms = path.four(rows.sizes[number]);
+        let of_zero = path.where_above(side, zero, path.sizes(stretch), by_terms);
+        let terms = path.where_above(size, zero, size, of_zero);
         rows.stretches[number] = path.numbers(stretch);
         rows.gaps[number] = path.numbers(path.where_above(side, zero, unknown, known));
-        rows.terms[number] = path.numbers(path.where_above(most, size, terms, path.four(rows.sizes[number])));
+        rows.terms[number] = path.numbers(path.where_above(most, size, terms, by_terms));
     }
 
     /// Writes the start of contact `j` where an exact zero or two doubles give it better than the state: the rule of [`ContactStart`] in the
