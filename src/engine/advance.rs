@@ -21,10 +21,10 @@ const MAX_STILL: u32 = 10_000;
 
 /// Record of a mode that the run has visited.
 #[derive(Default)]
-struct VisitedMode<'s> {
+pub(super) struct VisitedMode<'s> {
     known: Option<ModeMotion<'s>>,
     /// Number of arcs of the run in the mode, counted even after its motion is dropped.
-    arcs: u64,
+    pub arcs: u64,
 }
 
 /// Motion of a mode, and the flag that permits leaps in it.
@@ -115,7 +115,13 @@ impl<'s> Engine<'s> {
             if let Some(lane) =
                 self.lane.as_deref_mut().filter(|_| !observer.wants_anything() && self.core.summed.is_none())
             {
-                match lane::go_on(lane, &mut self.core, &mut *self.integrator, &mut self.point, end) {
+                match lane::go_on(
+                    lane,
+                    &mut self.core,
+                    (&mut *self.integrator, &mut self.motions),
+                    &mut self.point,
+                    end,
+                ) {
                     Some(ArcEnd::Bound) => break,
                     Some(ArcEnd::Rest(guards, accumulation)) => {
                         self.core.rest(&mut self.point, guards, accumulation)?;

@@ -3,7 +3,10 @@
 //! The result equals that of arcs and instants, bit for bit. A lane advances only where nothing is ambiguous, and returns any arc that it
 //! cannot decide from the start of that arc.
 
+use std::collections::BTreeMap;
+
 use super::{
+    advance::VisitedMode,
     chatter::{Chatter, Flight},
     state::{Options, WideState},
     visit::{ArcEnd, Core},
@@ -18,6 +21,7 @@ use crate::{
 struct Host<'a, 's> {
     system: &'s dyn HybridSystem,
     integrator: &'a mut (dyn Integrator + 's),
+    motions: &'a mut BTreeMap<Mode, VisitedMode<'s>>,
     chatter: &'a mut Chatter,
     options: &'a Options,
     /// Longest possible duration of an arc, s.
@@ -28,6 +32,15 @@ struct Host<'a, 's> {
 impl LaneHost for Host<'_, '_> {
     fn is_exact(&mut self, mode: &Mode) -> bool {
         self.integrator.is_exact(self.system, mode, self.longest)
+    }
+
+    fn count(&mut self, mode: &Mode, arcs: u64) -> u64 {
+        if !self.motions.contains_key(mode) && arcs == 0 {
+            return 0;
+        }
+        let visited = self.motions.entry(mode.clone()).or_default();
+        visited.arcs += arcs;
+        visited.arcs
     }
 
     fn ends(&mut self, rebound: &Rebound) -> bool {
@@ -49,7 +62,7 @@ impl LaneHost for Host<'_, '_> {
 pub(super) fn go_on<'s>(
     lane: &mut (dyn Lane + 's),
     core: &mut Core<'s>,
-    integrator: &mut (dyn Integrator + 's),
+    (integrator, motions): (&mut (dyn Integrator + 's), &mut BTreeMap<Mode, VisitedMode<'s>>),
     point: &mut WideState,
     bound: Instant,
 ) -> Option<ArcEnd> {
@@ -61,13 +74,13 @@ pub(super) fn go_on<'s>(
         return None;
     }
     let longest = system.clock().between(point.state.at, bound);
-    let mut host = Host { system: *system, integrator, chatter, options, longest, ended: None };
+    let mut host = Host { system: *system, integrator, motions, chatter, options, longest, ended: None };
     let fired = iteration.fired();
+    let impact = fired.iter().find(|id| system.restitution(*id).is_some()).filter(|_| is_open);
     // Several impacts at once are resolved by the event iteration.
-    if is_open && fired.len() > 1 {
+    if impact.is_some() && fired.len() > 1 {
         return None;
     }
-    let impact = fired.iter().find(|id| system.restitution(*id).is_some()).filter(|_| is_open);
     let WideState { state, carried, .. } = &mut *point;
     let from =
         LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, arcs: counters.arcs, impact };
@@ -80,8 +93,9 @@ pub(super) fn go_on<'s>(
     core.counters.steps += lap.steps;
     core.counters.arcs += lap.arcs;
     core.counters.events += lap.events;
-    core.counters.fired += lap.events;
+    core.counters.fired += lap.fired;
     core.counters.switches += lap.switches;
+    core.locator.splits += lap.splits;
     core.go_past(&point.state);
     match (lap.end, ended) {
         (LapEnd::Bound, _) => Some(ArcEnd::Bound),

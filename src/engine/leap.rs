@@ -16,7 +16,7 @@ use super::{
 use crate::{
     event::{Conditioning, Located},
     hybrid::{FULL_PRECISION, GuardId, GuardSet, Instant, JetField, JetRequest, Leap, LeapCounts, Passage, share_of},
-    integrate::{Arc, EarlierSteps, Integrator, Taylor, advances, gathered, is_over},
+    integrate::{Arc, EarlierSteps, Integrator, Taylor, gathered},
     poly::{FirstRoot, first_root},
 };
 
@@ -90,7 +90,7 @@ impl Leaps {
             let shown = observer.wants_steps(&state.jump.mode, at);
             let by_series = self.count > 0 && self.leap.is_series;
             let made = LeapCounts { leaps: self.count, arcs: core.counters.arcs, here: self.here, by_series };
-            if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
+            if clock.is_over(at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }
             let falls_exactly = self.leap.passage.is_some_and(|passage| core.falls_exactly(passage.guard));
@@ -113,7 +113,7 @@ impl Leaps {
             // An event that cannot be distinguished from a switch waits for it. A leap of zero duration is none.
             let waits = |located: &Located| span - self.leap.time <= located.conditioning.time;
             let is_late = arrival == Arrival::Switch && event.as_ref().is_some_and(|(.., located)| waits(located));
-            if is_late || !advances(&clock, at, self.leap.time, span) {
+            if is_late || !clock.advances(at, self.leap.time, span) {
                 return Ok(None);
             }
             core.count_step(at)?;

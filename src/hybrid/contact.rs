@@ -51,6 +51,19 @@ impl ContactMode {
         }
     }
 
+    /// Returns the state of a compliant contact after the guard of `watch` has fallen; `None` if it has no such guard.
+    #[must_use]
+    pub fn after(self, watch: Watch) -> Option<Self> {
+        match (self, watch) {
+            (Separated, Watch::DriveFlank) | (DriveDetached, Watch::Force) => Some(Drive),
+            (Separated, Watch::BackFlank) | (BackDetached, Watch::Force) => Some(Back),
+            (Drive | DriveDetached, Watch::DriveFlank) | (Back | BackDetached, Watch::BackFlank) => Some(Separated),
+            (Drive, Watch::Force) => Some(DriveDetached),
+            (Back, Watch::Force) => Some(BackDetached),
+            _ => None,
+        }
+    }
+
     /// Returns the word used in logs.
     #[must_use]
     pub fn name(self) -> &'static str {

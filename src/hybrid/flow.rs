@@ -202,6 +202,7 @@ pub const SAMPLES: usize = 16;
 pub type Samples = [f64; SAMPLES];
 
 /// Returns whether all numbers are finite. A finite number times zero is zero; NaN and the infinities are not.
+#[inline(always)]
 pub(crate) fn are_finite(numbers: &[f64]) -> bool {
     let (eights, rest) = numbers.as_chunks::<8>();
     let mut sums = [0.0; 8];

@@ -127,6 +127,9 @@ pub struct Instant {
     pub phase: Wide,
 }
 
+/// Rounding of an instant relative to the time since the start.
+const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
+
 /// The base period of a system's forcing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clock {
@@ -245,6 +248,21 @@ impl Clock {
             1 => (self.period + phases).value(),
             cycles => (self.period * cycles as f64 + phases).value(),
         }
+    }
+
+    /// Returns the resolution of an instant, s: instants are pairs of doubles.
+    fn resolution(&self, at: Instant) -> f64 {
+        RESOLUTION * self.roughly(Instant::default(), at).abs()
+    }
+
+    /// Returns whether the rest of an arc, `span` s from `at` on, is within a few roundings of its instants, and counts as no time.
+    pub(crate) fn is_over(&self, at: Instant, span: f64) -> bool {
+        span <= 4.0 * self.resolution(at)
+    }
+
+    /// Returns whether `time` s from `at` on is progress on the remaining `span`.
+    pub(crate) fn advances(&self, at: Instant, time: f64, span: f64) -> bool {
+        time > self.resolution(at).max(RESOLUTION * span) || time >= span
     }
 
     /// Returns the angle `ω t` modulo a turn for an oscillator of frequency `omega`, rad.

@@ -20,6 +20,9 @@ pub trait LaneHost {
     /// Returns whether the exact flow of `mode` may be used.
     fn is_exact(&mut self, mode: &Mode) -> bool;
 
+    /// Adds `arcs` to the arcs that the run has made in `mode`. Returns their number.
+    fn count(&mut self, mode: &Mode, arcs: u64) -> u64;
+
     /// Receives the rebound of an impact. Returns whether the impact sequence ends with it.
     fn ends(&mut self, rebound: &Rebound) -> bool;
 }
@@ -57,10 +60,14 @@ pub struct Lap {
     pub steps: u64,
     /// Number of smooth arcs.
     pub arcs: u64,
-    /// Number of events, each of one guard.
+    /// Number of events.
     pub events: u64,
+    /// Number of guards that fired in these events.
+    pub fired: u64,
     /// Number of known switching times passed.
     pub switches: u64,
+    /// Number of subdivisions spent on guards.
+    pub splits: u64,
     /// True if the instant at the start is complete and the host has received its rebound. It distinguishes a lap without progress beyond
     /// that from a lap that did nothing.
     pub closes: bool,

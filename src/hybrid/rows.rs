@@ -1,5 +1,7 @@
 //! Series of a step beside its state. They belong to the step, and are reused.
 
+use super::Instant;
+
 /// Highest power of a step.
 pub const ORDER: usize = 24;
 /// Number of coefficients of a series.
@@ -69,6 +71,8 @@ impl ClockRows {
 pub struct StepRows {
     /// `cos ωt` and `sin ωt` of the oscillators.
     pub oscillators: Vec<[Series; 2]>,
+    /// Instant of their order zero, if it is formed.
+    pub oscillators_at: Option<Instant>,
     /// Contacts.
     pub contacts: Vec<ContactRows>,
     /// Deflections, by fours of contacts and by order, m.
@@ -101,6 +105,7 @@ impl StepRows {
         if self.contacts.len() == contacts && self.waves.len() == oscillators && self.orders.len() == blocks {
             return;
         }
+        self.oscillators_at = None;
         self.oscillators.resize_with(oscillators, Default::default);
         self.contacts.resize_with(contacts, Default::default);
         self.deflections.resize(fours, [[0.0; LANES]; ROW]);

@@ -21,7 +21,7 @@ pub use choice::{Choice, PerMode, build};
 pub use radau::Tableau;
 use relay::Relay;
 pub use taylor::Taylor;
-pub(crate) use taylor::{advances, gathered, is_over};
+pub(crate) use taylor::gathered;
 
 /// One accepted step with its dense output, in its clock `θ ∈ [0, 1]`.
 #[allow(unused_variables, reason = "defaults that do nothing")]

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, EarlierSteps, IntegrateError, Integrator, in_plain_time};
 use crate::hybrid::{
-    ARRIVED, Clock, FULL_PRECISION, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power,
-    Samples, StepQuantity, Wide, share_of,
+    ARRIVED, FULL_PRECISION, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power, Samples,
+    StepQuantity, Wide, share_of,
 };
 
 /// Taylor steps of a [`JetField`].
@@ -76,9 +76,6 @@ fn vary(jet: &mut Jet, part: f64) {
     jet.state[(VARIED_ORDER + 1) * jet.dim..row * jet.dim].fill(0.0);
 }
 
-/// Rounding of an instant relative to the time since the start.
-const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
-
 /// Rounding of a sum relative to its terms: a few units for each. Over the steps of an arc it grows like their root.
 const ARC_ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Weights of value, rate and acceleration. The terms of the value are summed at every step and again at the event, the others at every
@@ -92,21 +89,6 @@ pub(crate) fn gathered([value, rate, acceleration]: [f64; 3], count: u32, t: f64
     // The third derivative is never known exactly: the time at which an acceleration is zero is rounded.
     let known = if count == 1 { zeros.min(2) } else { 0 };
     ARC_ROUNDING * f64::from(count).sqrt() * terms.iter().skip(known).sum::<f64>()
-}
-
-/// Returns the resolution of an instant, s: instants are pairs of doubles.
-fn resolution(clock: &Clock, at: Instant) -> f64 {
-    RESOLUTION * clock.roughly(Instant::default(), at).abs()
-}
-
-/// Returns whether the rest of an arc, `span` s from `at` on, is within a few roundings of its instants, and counts as no time.
-pub(crate) fn is_over(clock: &Clock, at: Instant, span: f64) -> bool {
-    span <= 4.0 * resolution(clock, at)
-}
-
-/// Returns whether `time` s from `at` on is progress on the remaining `span`.
-pub(crate) fn advances(clock: &Clock, at: Instant, time: f64, span: f64) -> bool {
-    time > resolution(clock, at).max(RESOLUTION * span) || time >= span
 }
 
 struct Step<'a> {
@@ -234,7 +216,7 @@ impl Integrator for Taylor {
         extent.resize(x.len(), 0.0);
         loop {
             let span = clock.between(at, arc.bound);
-            if is_over(clock, at, span) {
+            if clock.is_over(at, span) {
                 end.copy_from_slice(x);
                 return Ok(());
             }
@@ -261,7 +243,7 @@ impl Integrator for Taylor {
                 return Ok(());
             }
             // The test comes after the visit: a step beyond the end of a contact in the root clock is cut by its event.
-            if !advances(clock, at, elapsed, span) {
+            if !clock.advances(at, elapsed, span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
             field.carry(jet, 1.0, false, carried);

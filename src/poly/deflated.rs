@@ -23,6 +23,7 @@ impl<'a> Deflated<'a> {
     ///
     /// A series that is exactly zero at the start starts on its surface: the first non-zero derivative decides the side. A series that is
     /// zero only within the uncertainty is searched unchanged.
+    #[inline(always)]
     pub fn new(p: &'a [f64], tail: f64, rounding: f64) -> Self {
         let order = p.iter().take_while(|c| **c == 0.0).count();
         // After an exact zero, errors are relative to the terms of the series.
@@ -51,6 +52,7 @@ impl<'a> Deflated<'a> {
     }
 
     /// Returns the error of a value of p̃ between the start and `theta`: that at the start, and the rounding of the other terms.
+    #[inline(always)]
     pub fn error_at(&self, theta: f64) -> f64 {
         let first = usize::from(self.order == 0);
         self.start + ADDED * terms(&self.p[first..], theta)

@@ -90,7 +90,7 @@ impl Structure {
     }
 
     /// Returns the schedule of the force of contact `j` in `mode`. Switches of other schedules have no effect.
-    pub(super) fn followed(&self, mode: &Mode, j: usize) -> Option<&Schedule> {
+    pub(crate) fn followed(&self, mode: &Mode, j: usize) -> Option<&Schedule> {
         match &self.contacts[j].spring {
             Spring::Scheduled(schedule) if !self.contacts[j].spec.law.is_rigid() => {
                 self.pressing(mode, j).map(|_| schedule)

@@ -6,7 +6,7 @@ use super::{
     acting::Force,
     assemble::{Contact, PerContact, Structure, Wave, dot, zeros},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, guards_of, piece, set_contact, set_piece},
-    schedule,
+    schedule::{self, Schedule},
     symmetry::Equal,
 };
 use crate::{
@@ -150,37 +150,29 @@ impl Structure {
         at: Instant,
         x: &mut [f64],
     ) -> Result<(), ModelError> {
-        use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
         let c = &self.contacts[j];
         let state = contact_mode(&jump.mode, j);
-        let next = match (state, watch) {
-            (Separated, Watch::DriveFlank) => Drive,
-            (Separated, Watch::BackFlank) => Back,
-            (Drive | DriveDetached, Watch::DriveFlank) | (Back | BackDetached, Watch::BackFlank) => Separated,
-            (Drive, Watch::Force) => DriveDetached,
-            (Back, Watch::Force) => BackDetached,
-            (DriveDetached, Watch::Force) => Drive,
-            (BackDetached, Watch::Force) => Back,
-            // The contact left through the flank in the same batch: nothing remains to release.
-            (Separated, Watch::Force) => return Ok(()),
-            _ => {
-                return Err(ModelError::NoEdge {
-                    guard: match watch {
-                        Watch::DriveFlank => "drive flank",
-                        Watch::BackFlank => "back flank",
-                        Watch::Force => "force",
-                    },
-                    element: self.name_of(j).to_owned(),
-                    mode: state.name().to_owned(),
-                });
-            }
+        // The contact left through the flank in the same batch: nothing remains to release.
+        if state == ContactMode::Separated && watch == Watch::Force {
+            return Ok(());
+        }
+        let Some(next) = state.after(watch) else {
+            return Err(ModelError::NoEdge {
+                guard: match watch {
+                    Watch::DriveFlank => "drive flank",
+                    Watch::BackFlank => "back flank",
+                    Watch::Force => "force",
+                },
+                element: self.name_of(j).to_owned(),
+                mode: state.name().to_owned(),
+            });
         };
         self.enter(&mut jump.mode, j, next, at);
         // A force taken past zero by a stiffness step or by an impact elsewhere is not zero.
         if watch != Watch::Force || is_zero {
             jump.pinned.insert(guard_id(j, watch));
         }
-        if let (Law::Power(l), Some(i), Separated) = (c.spec.law, c.latch, state) {
+        if let (Law::Power(l), Some(i), ContactMode::Separated) = (c.spec.law, c.latch, state) {
             let approach = next.side() * self.deflection(j, at, x).1;
             x[i] = approach.max(l.speed_floor);
         }
@@ -220,13 +212,25 @@ impl Structure {
         }
     }
 
-    /// Sets contact `j` to `state` at `at`. Without a schedule the piece is zero, so that equal motions have equal modes.
+    /// Sets contact `j` to `state` at `at`.
     pub(crate) fn enter(&self, mode: &mut Mode, j: usize, state: ContactMode, at: Instant) {
+        self.enter_piece(mode, j, state, |schedule| schedule.piece(&self.clock, at).0);
+    }
+
+    /// Sets contact `j` to `state`; `number` gives the piece of a schedule that it follows from now on. Without a schedule the piece is
+    /// zero, so that equal motions have equal modes.
+    pub(crate) fn enter_piece(
+        &self,
+        mode: &mut Mode,
+        j: usize,
+        state: ContactMode,
+        number: impl FnOnce(&Schedule) -> u32,
+    ) {
         let followed = self.followed(mode, j).is_some();
         set_contact(mode, j, state);
         match self.followed(mode, j) {
             Some(_) if followed => {}
-            Some(schedule) => set_piece(mode, j, schedule.piece(&self.clock, at).0),
+            Some(schedule) => set_piece(mode, j, number(schedule)),
             None => set_piece(mode, j, 0),
         }
     }

@@ -35,6 +35,7 @@ pub(crate) use columns::{Block, FourColumns, VectorColumns};
 pub(crate) use contact_mode::{ContactMode, Watch};
 #[doc(hidden)]
 pub use contact_mode::{contact_mode, guard_id, guard_of, piece, set_contact};
+pub(crate) use schedule::PiecesInForce;
 pub use spec::{BackFlank, Bearing, BearingSpring, ContactSpec, Flanks, LoadHarmonic, LoadSchedule, Spec};
 pub use statics::{
     Equilibrium, EquilibriumError, bonded_modes, bonded_stiffness, equilibrium, pressed, quasi_static,

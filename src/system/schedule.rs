@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use super::assemble::{Contact, Spring, Structure};
 use crate::{
     gear::{Piece, Stiffness},
     hybrid::{Clock, Instant, Wide},
@@ -221,6 +222,59 @@ impl Schedule {
             | Self::Own { values, slopes, .. }
             | Self::Listed { values, slopes, .. } => (values[piece as usize], slopes[piece as usize]),
         }
+    }
+}
+
+/// The pieces of all schedules of a train that are in force at an instant, and their ends.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PiecesInForce {
+    /// Number and end of the piece of each contact; zero and `None` without a schedule.
+    pieces: Vec<(u32, Option<Instant>)>,
+    /// First of the ends.
+    first: Option<Instant>,
+}
+
+/// Time to the first end of a piece, relative to the period, above which no tie can be near.
+const CLEAR: f64 = 1e-12;
+
+impl PiecesInForce {
+    /// Begins at the instant `at`, which may be earlier.
+    pub fn begin(&mut self, s: &Structure, at: Instant) {
+        self.pieces.clear();
+        self.move_to(s, at);
+    }
+
+    /// Moves on to the instant `at`, no earlier than the last one.
+    #[inline]
+    pub fn move_to(&mut self, s: &Structure, at: Instant) {
+        let clock = &s.clock;
+        let is_known = self.pieces.len() == s.contacts.len();
+        let period = clock.period().map_or(0.0, |t| t.hi);
+        if is_known && self.first.is_none_or(|first| clock.roughly(at, first) > CLEAR * period.max(at.phase.hi.abs())) {
+            return;
+        }
+        let late = late(clock, at);
+        self.pieces.resize(s.contacts.len(), (0, None));
+        for (c, (number, end)) in s.contacts.iter().zip(&mut self.pieces) {
+            let Spring::Scheduled(schedule) = &c.spring else { continue };
+            if !is_known || end.is_some_and(|end| end <= late) {
+                *number = schedule.piece(clock, at).0;
+                *end = schedule.end(clock, late, *number);
+            }
+        }
+        self.first = self.pieces.iter().filter_map(|(_, end)| *end).reduce(|a, b| if b < a { b } else { a });
+    }
+
+    /// Returns the number of the piece of contact `j`.
+    pub fn number(&self, j: usize) -> u32 {
+        self.pieces[j].0
+    }
+
+    /// Returns the first end of the pieces of `contacts`.
+    #[inline]
+    pub fn first_end(&self, contacts: &[usize]) -> Option<Instant> {
+        let ends = contacts.iter().filter_map(|j| self.pieces[*j].1);
+        ends.reduce(|first, end| if end < first { end } else { first })
     }
 }
 

@@ -130,7 +130,9 @@ impl<const B: usize> BlockRows<'_, B> {
         waves: impl Fn(usize) -> [f64; 2],
         forces: &[f64],
     ) -> [P::Four; B] {
+        // Two sums, because each addition waits for the one before.
         let mut a = [path.all(0.0); B];
+        let mut by_displacements = a;
         if k == 0 {
             a = self.load.map(|four| path.four(four));
         }
@@ -138,7 +140,7 @@ impl<const B: usize> BlockRows<'_, B> {
             let (q, v) = (path.all(q[*i]), path.all(v[*i]));
             for b in 0..B {
                 a[b] = path.fused(path.four(by_v[b]), v, a[b]);
-                a[b] = path.fused(path.four(by_q[b]), q, a[b]);
+                by_displacements[b] = path.fused(path.four(by_q[b]), q, by_displacements[b]);
             }
         }
         for (i, [by_cos, by_sin]) in self.waves.0.iter().zip(self.waves.1) {
@@ -146,12 +148,13 @@ impl<const B: usize> BlockRows<'_, B> {
             let (cos, sin) = (path.all(cos), path.all(sin));
             for b in 0..B {
                 a[b] = path.fused(path.four(by_sin[b]), sin, a[b]);
-                a[b] = path.fused(path.four(by_cos[b]), cos, a[b]);
+                by_displacements[b] = path.fused(path.four(by_cos[b]), cos, by_displacements[b]);
             }
         }
         for b in 0..B {
             a[b] = path.fused(path.four(self.by_v[b]), path.four(own_v[b]), a[b]);
-            a[b] = path.fused(path.four(self.by_q[b]), path.four(own_q[b]), a[b]);
+            by_displacements[b] = path.fused(path.four(self.by_q[b]), path.four(own_q[b]), by_displacements[b]);
+            a[b] = path.plus(a[b], by_displacements[b]);
         }
         for (j, [push]) in self.pushes.0.iter().zip(self.pushes.1) {
             let force = path.all(forces[*j]);
@@ -170,6 +173,8 @@ pub struct Group {
     panels: Vec<usize>,
     /// Contribution of the velocity of each degree of freedom of these panels to the rates.
     directions: Vec<Four>,
+    /// True if some bodies are equal: then the sums of a rate have one order.
+    is_symmetric: bool,
     /// Contributions of the cosine and of the sine of each oscillator.
     waves: Columns,
     /// Stiffness and damping; zero if no force is carried, or if the stiffness varies.
@@ -207,6 +212,7 @@ impl Group {
         Self {
             panels,
             directions,
+            is_symmetric: !s.symmetry.is_empty(),
             waves,
             laws: (first..first + fours.len()).map(laws).collect(),
             carries: contacts.clone().any(|j| law(j).is_some()),
@@ -218,6 +224,7 @@ impl Group {
         View {
             panels: &self.panels,
             directions: self.directions.as_chunks().0.as_chunks().0.as_chunks().0,
+            is_symmetric: self.is_symmetric,
             waves: self.waves.list(),
             laws: self.laws.first_chunk().filter(|_| self.carries),
         }
@@ -230,6 +237,7 @@ pub struct View<'a, const B: usize, const C: usize> {
     pub panels: &'a [usize],
     /// Columns of these panels.
     pub directions: &'a [[[[Four; C]; LANES]; B]],
+    is_symmetric: bool,
     pub waves: (&'a [usize], &'a [[[Four; C]; 2]]),
     /// Stiffness and damping, if any law of the group is not zero.
     pub laws: Option<&'a [[Four; 2]; C]>,
@@ -254,15 +262,30 @@ impl<const B: usize, const C: usize> View<'_, B, C> {
                 rates[c] = path.fused(path.four(by_sin[c]), sin, rates[c]);
             }
         }
-        // The order is fixed, so that contacts of equal bodies have equal rounding, whatever the index of the body.
         let [directions] = self.directions else { unreachable!("not one panel") };
-        for b in 0..B {
-            for l in 0..LANES {
-                let (columns, v) = (&directions[b][l], path.all(v[b][l]));
+        if self.is_symmetric {
+            // The order is fixed, so that contacts of equal bodies have equal rounding, whatever the index of the body.
+            for (columns, v) in directions.as_flattened().iter().zip(v.as_flattened()) {
                 for c in 0..C {
-                    rates[c] = path.fused(path.four(columns[c]), v, rates[c]);
+                    rates[c] = path.fused(path.four(columns[c]), path.all(*v), rates[c]);
                 }
             }
+            return rates;
+        }
+        // Four sums, because each addition waits for the one before.
+        let zeros = [path.all(0.0); C];
+        let mut sums = [rates, zeros, zeros, zeros];
+        for b in 0..B {
+            for l in 0..LANES {
+                let v = path.all(v[b][l]);
+                for c in 0..C {
+                    sums[l][c] = path.fused(path.four(directions[b][l][c]), v, sums[l][c]);
+                }
+            }
+        }
+        for c in 0..C {
+            let [first, second, third, fourth] = [sums[0][c], sums[1][c], sums[2][c], sums[3][c]];
+            rates[c] = path.plus(path.plus(first, second), path.plus(third, fourth));
         }
         rates
     }

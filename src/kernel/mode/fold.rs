@@ -32,12 +32,6 @@ impl Fold {
         agrees.then_some(Self { freedoms, contacts, is_folded: true })
     }
 
-    /// Returns the number of components of the state and contacts, equal ones counted once.
-    pub fn outputs(&self) -> usize {
-        let firsts = |of: &[usize]| of.iter().enumerate().filter(|(i, first)| *i == **first).count();
-        2 * firsts(&self.freedoms) + firsts(&self.contacts)
-    }
-
     /// Returns whether equal bodies and contacts are in equal states at the start of a span.
     #[inline(always)]
     pub fn holds(&self, motion: &Motion, request: &JetRequest<'_>) -> bool {

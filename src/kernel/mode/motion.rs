@@ -90,6 +90,8 @@ pub struct FlankGuards {
     pub has_side: Four,
     /// Deflections at which the laws begin, m.
     pub flank: Four,
+    /// Largest ratio of a stretch to its terms at which it is kept: see [`ContactInMode::kept`].
+    pub kept: Four,
     /// `Contact::across`.
     pub across: Four,
     /// Errors of highest order, [`Amplitude::top`](crate::kernel::mode::growth::Amplitude::top).
@@ -113,6 +115,7 @@ impl FlankGuards {
             near: four(&|j| if parts[j].side == 0.0 { near(&s.contacts[j]) } else { 0.0 }),
             has_side: four(&|j| if parts[j].side == 0.0 { 0.0 } else { 1.0 }),
             flank: four(&|j| parts[j].flank),
+            kept: four(&|j| if parts[j].is_bilateral() { 0.0 } else { SMALL_STRETCH }),
             across: four(&|j| s.contacts[j].across),
             top: four(&|j| forcing.errors[j][0].top),
         }

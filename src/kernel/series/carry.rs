@@ -27,19 +27,25 @@ impl Motion<'_> {
         all
     }
 
-    /// Writes the stretches to be kept after a step, which has changed the deflections by `added`.
+    /// Writes the stretches to be kept after a step, which has changed the deflections by `added`: the rule of
+    /// [`kept`](crate::kernel::mode::motion::ContactInMode::kept), four contacts side by side.
     #[inline(always)]
-    pub fn keep(&self, step: &Jet, ends: bool, added: &[f64], carried: &mut Vec<f64>) {
+    pub fn keep<P: Path>(&self, path: P, step: &Jet, ends: bool, added: &[Four], carried: &mut Vec<f64>) {
         carried.clear();
         // While power laws are closed, the time of an event is too uncertain for a gap to be more accurate than the state.
         let is_lost = ends && step.is_estimate;
-        carried.extend(self.parts.iter().enumerate().map(|(j, part)| {
-            let is_closed = part.state.side() != 0.0;
-            let start = if is_closed { step.rows.stretch(j) } else { step.rows.gap(j) };
-            if is_lost || start.is_nan() || !is_closed && step.is_estimate {
-                return f64::NAN;
-            }
-            part.kept(added[j] + start, step.rows.size(j))
-        }));
+        let (zero, lost) = (path.all(0.0), path.all(f64::NAN));
+        for (number, (flanks, added)) in self.flanks.iter().zip(added).enumerate() {
+            let rows = &step.rows;
+            let has_side = path.four(flanks.has_side);
+            let gaps = if step.is_estimate { lost } else { path.four(rows.gaps[number]) };
+            let start = path.where_above(has_side, zero, path.four(rows.stretches[number]), gaps);
+            let stretch = path.plus(path.four(*added), start);
+            let most = path.times(path.four(flanks.kept), path.four(rows.sizes[number]));
+            // Comparisons with NaN are false.
+            let kept = path.where_above(most, path.sizes(stretch), stretch, lost);
+            carried.extend_from_slice(&path.numbers(if is_lost { lost } else { kept }));
+        }
+        carried.truncate(self.parts.len());
     }
 }

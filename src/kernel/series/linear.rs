@@ -135,8 +135,11 @@ impl Expansion<'_> {
         let step = self.h / (k + 1) as f64;
         let ([.., [q, v]], [next, ..]) = orders.split_at_mut(k + 1) else { unreachable!("no order {k}") };
         let deflections = rows.deflections.as_chunks_mut::<C>().0;
-        let of_groups = groups.iter().zip(deflections).zip(&mut *forces).zip(stretches);
-        for (number, (((group, deflections), forces), stretches)) in of_groups.enumerate() {
+        // Several fours are one group: the compiler then knows that this is no loop.
+        let count = if C > 1 { 1 } else { groups.len() };
+        for number in 0..count {
+            let (group, deflections) = (&groups[number], &mut deflections[number]);
+            let (forces, stretches) = (&mut forces[number], &mut stretches[number]);
             let mut rates = group.rates(path, k, v, waves);
             if IS_FIRST && !self.request.still.is_empty() {
                 self.hold_still(path, number * C, &mut rates);
@@ -148,8 +151,8 @@ impl Expansion<'_> {
                 zero.for_each(|(_, force)| *force = 0.0);
             }
             for c in 0..C {
-                stretches[c] = path.numbers(path.times(path.all(step), rates[c]));
-                deflections[c][k + 1] = stretches[c];
+                let stretch = path.numbers(path.times(path.all(step), rates[c]));
+                (stretches[c], deflections[c][k + 1]) = (stretch, stretch);
             }
         }
         let flat = [q.as_flattened(), v.as_flattened()];

@@ -3,7 +3,7 @@
 use crate::{
     hybrid::{Four, Instant, Jet, JetRequest},
     kernel::{Expansion, Force, LANES, Motion, ORDER, ROUNDING, StepRows, waves},
-    system::{ContactMode, FourColumns, Watch, dot, guard_id, guard_of},
+    system::{ContactMode, FourColumns, Structure, Watch, dot, guard_id, guard_of},
     vectors::Path,
 };
 
@@ -20,6 +20,17 @@ pub fn deflection_terms<P: Path>(path: P, four: &FourColumns, x: &[f64]) -> [Fou
         size = path.plus(size, path.four(of));
     }
     [path.numbers(sum), path.numbers(size)]
+}
+
+/// Forms order zero of the oscillators at `at`, unless it is known.
+#[inline(always)]
+pub fn turn(s: &Structure, at: Instant, rows: &mut StepRows) {
+    if rows.oscillators_at != Some(at) {
+        s.oscillate(at, |i, cosine, sine| {
+            [rows.oscillators[i][0][0], rows.oscillators[i][1][0]] = [cosine, sine];
+        });
+        rows.oscillators_at = Some(at);
+    }
 }
 
 /// Known data of a contact at the start of a span.
@@ -112,9 +123,7 @@ impl Expansion<'_> {
             }
         }
         let rows = &mut out.rows;
-        s.oscillate(self.request.at, |i, cosine, sine| {
-            [rows.oscillators[i][0][0], rows.oscillators[i][1][0]] = [cosine, sine];
-        });
+        turn(s, self.request.at, rows);
         self.begin_deflections(path, rows);
         for number in 0..rows.deflections.len() {
             self.begin_stretches(path, number, rows);

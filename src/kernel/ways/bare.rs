@@ -10,7 +10,7 @@ use super::Ways;
 use crate::{
     hybrid::{ARRIVED, GuardValue, Jet, JetRequest, Leap, Passage, are_finite},
     kernel::{
-        APART, Expansion, Four, LANES, ROUNDING, ROW, StepRows,
+        APART, Expansion, Four, LANES, Motion, ROUNDING, ROW, StepRows,
         bounds::{
             bound::Tail,
             guards::{Powers, powers},
@@ -30,7 +30,8 @@ const SHARP: [f64; 3] = [1e-11, 1e5, 1e-2];
 const TANGENTIAL: f64 = 1e-3;
 
 /// Guards of position of four contacts at the start of a step.
-struct FlankValues {
+#[derive(Clone, Copy, Default)]
+pub struct FlankValues {
     /// Values at the drive and the back flank, m.
     values: [Four; 2],
     /// Sizes of the terms of these guards on the step, m.
@@ -46,7 +47,7 @@ struct FlankValues {
 }
 
 /// Guard that its terms may lower to zero.
-struct UndecidedGuard {
+pub struct UndecidedGuard {
     /// Number of the guard in the mode.
     number: usize,
     tail: f64,
@@ -63,7 +64,7 @@ impl UndecidedGuard {
 }
 
 /// First fall of a guard on a step.
-struct Fall {
+pub struct Fall {
     /// Index among the doubtful guards.
     place: usize,
     /// Value of the guard; derivatives are with respect to θ.
@@ -102,6 +103,83 @@ impl Fall {
     }
 }
 
+/// An unobserved step: its guards and its end.
+#[derive(Default)]
+pub struct BareStep {
+    positions: SmallVec<[FlankValues; 4]>,
+    doubtful: SmallVec<[UndecidedGuard; 8]>,
+    tail: Tail,
+    /// End of the step in θ.
+    pub limit: f64,
+    /// The first fall, if any, and the doubtful guards that fall there: the first one and its twins.
+    pub first: Option<Fall>,
+    falls: SmallVec<[usize; 8]>,
+    /// True if the step ends at the end of the requested span.
+    pub is_bound: bool,
+    /// Number of subdivisions spent on the guards.
+    pub splits: u64,
+}
+
+/// Factor on a bound by which two values may differ that are known in two ways: each is off by the bound.
+pub const AGREED: f64 = 10.0;
+
+/// Guards of position of four contacts at the end of a step.
+#[derive(Clone, Copy, Default)]
+pub struct FlankEnds {
+    /// Values at the drive and the back flank, m.
+    pub values: [Four; 2],
+    /// Bound on their errors, with that of a value formed from the state, m.
+    pub error: Four,
+}
+
+impl BareStep {
+    /// Writes the guards of position at the end of the step, which has changed the deflections by `gained`.
+    #[inline(always)]
+    pub fn ends<P: Path>(&self, path: P, motion: &Motion, gained: &[Four], ends: &mut SmallVec<[FlankEnds; 4]>) {
+        for ((of, flanks), gained) in self.positions.iter().zip(&motion.flanks).zip(gained) {
+            let mut end = FlankEnds::default();
+            for flank in [0, 1] {
+                let along = path.times(path.four(flanks.along[flank]), path.four(*gained));
+                end.values[flank] = path.numbers(path.plus(path.four(of.values[flank]), along));
+            }
+            end.error = path.numbers(path.plus(path.four(of.rest), path.four(of.afresh)));
+            ends.push(end);
+        }
+    }
+
+    /// Returns whether the guards of position at the start of the step agree with those at the end of the one before.
+    #[inline(always)]
+    pub fn agrees<P: Path>(&self, path: P, motion: &Motion, ends: &[FlankEnds]) -> bool {
+        let mut apart = 0;
+        for ((of, flanks), end) in self.positions.iter().zip(&motion.flanks).zip(ends) {
+            let bound = path.times(path.all(AGREED), path.plus(path.four(end.error), path.four(of.afresh)));
+            for flank in [0, 1] {
+                let off = path.sizes(path.minus(path.four(of.values[flank]), path.four(end.values[flank])));
+                let is_watched = path.above(path.sizes(path.four(flanks.along[flank])), path.all(0.0));
+                // Comparisons with NaN are false.
+                apart |= is_watched & !path.above(bound, off);
+            }
+        }
+        apart == 0
+    }
+
+    /// Iterates over the guards that fall at the end of the step.
+    pub fn fired<'a>(&'a self, motion: &'a Motion) -> impl Iterator<Item = &'a ModeGuard> + Clone {
+        self.falls.iter().map(|place| &motion.guards[self.doubtful[*place].number])
+    }
+
+    /// Returns the error of the fall, and that of a value formed from the state.
+    pub fn errors(&self) -> [f64; 2] {
+        self.first.as_ref().map_or([0.0; 2], |fall| [fall.error, self.doubtful[fall.place].afresh])
+    }
+
+    fn clear(&mut self) {
+        self.doubtful.clear();
+        self.falls.clear();
+        (self.first, self.splits) = (None, 0);
+    }
+}
+
 impl Expansion<'_> {
     /// Returns the first three time derivatives of a guard of position at the start.
     fn derivatives(&self, watched: &ModeGuard, powers: &Powers, jet: &Jet) -> [f64; 3] {
@@ -113,7 +191,14 @@ impl Expansion<'_> {
     /// Returns the guards of position of four contacts at the start of the step. A guard is clear if no sum of the terms of its deflection
     /// lowers it to zero.
     #[inline(always)]
-    fn positions<P: Path>(&self, path: P, number: usize, powers: &Powers, tail: &Tail, rows: &StepRows) -> FlankValues {
+    fn positions<P: Path>(
+        &self,
+        path: P,
+        number: usize,
+        (powers, tail): (&Powers, &Tail),
+        rows: &StepRows,
+        values: &mut FlankValues,
+    ) {
         let flanks = &self.motion.flanks[number];
         let zero = path.all(0.0);
         let FourRanges { range: [least, most], sizes: added } =
@@ -128,14 +213,9 @@ impl Expansion<'_> {
         let rounding = path.times(path.all(ROUNDING), path.four(rows.terms[number]));
         let bound = path.plus(rest, rounding);
         let afresh = path.times(path.all(ROUNDING), path.plus(path.four(rows.sizes[number]), added));
-        let mut values = FlankValues {
-            values: [[0.0; LANES]; 2],
-            terms: [[0.0; LANES]; 2],
-            clear: 0,
-            rounding: path.numbers(rounding),
-            afresh: path.numbers(afresh),
-            rest: path.numbers(rest),
-        };
+        values.clear = 0;
+        (values.rounding, values.afresh) = (path.numbers(rounding), path.numbers(afresh));
+        values.rest = path.numbers(rest);
         for (flank, along) in flanks.along.iter().enumerate() {
             let along = path.four(*along);
             let by_state = path.plus(path.times(along, position), gap);
@@ -150,56 +230,56 @@ impl Expansion<'_> {
             values.clear |= path.above(lowest, margin) << (LANES * flank);
             (values.values[flank], values.terms[flank]) = (path.numbers(value), path.numbers(terms));
         }
-        values
     }
 
-    /// Writes the guards at the start of the step into `leap`. Returns those that are not clear of zero on it, with their rows.
+    /// Returns the guards that are not clear of zero on the step, with their rows in `jet`.
     #[inline(always)]
-    fn doubtful<P: Path>(
-        &self,
-        path: P,
-        powers: &Powers,
-        tail: &Tail,
-        leap: &mut Leap,
-    ) -> SmallVec<[UndecidedGuard; 8]> {
-        let (Leap { starts, jet, .. }, guards) = (leap, &self.motion.guards);
+    fn doubtful<P: Path>(&self, path: P, powers: &Powers, tail: &Tail, jet: &mut Jet, step: &mut BareStep) {
+        let guards = &self.motion.guards;
         jet.guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
-        let mut positions: SmallVec<[FlankValues; 4]> = SmallVec::new();
-        for number in 0..jet.rows.deflections.len() {
-            positions.push(self.positions(path, number, powers, tail, &jet.rows));
+        step.positions.resize(jet.rows.deflections.len(), FlankValues::default());
+        for (number, values) in step.positions.iter_mut().enumerate() {
+            self.positions(path, number, (powers, tail), &jet.rows, values);
         }
         let still = !self.request.still.is_empty();
-        starts.clear();
-        starts.extend(guards.iter().map(|&ModeGuard { id, contact: j, watch, .. }| {
-            let (of, flank, lane) = (&positions[j / LANES], watch as usize & 1, j % LANES);
-            let (value, terms, error) = (of.values[flank][lane], of.terms[flank][lane], of.afresh[lane]);
-            GuardValue { guard: id, value, error, terms, derivatives: [f64::NAN; 3] }
-        }));
-        let mut doubtful = SmallVec::new();
-        for ((number, watched), start) in guards.iter().enumerate().zip(starts) {
+        for (number, watched) in guards.iter().enumerate() {
             let (j, watch) = (watched.contact, watched.watch);
-            let (of, lane) = (&positions[j / LANES], j % LANES);
+            let (of, lane) = (&step.positions[j / LANES], j % LANES);
             let row = number * ROW..(number + 1) * ROW;
             if watch == Watch::Force {
                 let tail = self.force_tail(j, tail, jet);
                 let (row, [terms, size]) =
                     (&mut jet.guard_series[row], [jet.rows.terms[j / LANES][lane], jet.rows.size(j)]);
                 let [rounding, afresh] = self.force_row(watched, terms, size, powers, &jet.rows, row);
-                (start.value, start.error, start.terms) = (row[0], afresh, poly::terms(row, 1.0));
-                doubtful.push(UndecidedGuard { number, tail, rounding, afresh });
+                step.doubtful.push(UndecidedGuard { number, tail, rounding, afresh });
             } else if of.clear >> (LANES * (watch as usize) + lane) & 1 == 0 || still && self.is_released(j, watch) {
-                let row = &mut jet.guard_series[row];
-                self.position_row(watched, powers, &jet.rows, row);
-                start.value = row[0];
+                self.position_row(watched, powers, &jet.rows, &mut jet.guard_series[row]);
                 let (tail, rounding, afresh) = (of.rest[lane], of.rounding[lane], of.afresh[lane]);
-                doubtful.push(UndecidedGuard { number, tail, rounding, afresh });
-            }
-            // Impact sequences need them.
-            if self.s.contacts[j].spec.law.is_rigid() {
-                start.derivatives = self.derivatives(watched, powers, jet);
+                step.doubtful.push(UndecidedGuard { number, tail, rounding, afresh });
             }
         }
-        doubtful
+    }
+
+    /// Writes the guards at the start of the step into `starts`.
+    fn starts(&self, step: &BareStep, powers: &Powers, jet: &Jet, starts: &mut Vec<GuardValue>) {
+        let mut doubtful = step.doubtful.iter().peekable();
+        starts.clear();
+        starts.extend(self.motion.guards.iter().enumerate().map(|(number, watched)| {
+            let &ModeGuard { id, contact: j, watch, .. } = watched;
+            let (of, flank, lane) = (&step.positions[j / LANES], watch as usize & 1, j % LANES);
+            let (mut value, mut terms, mut error) = (of.values[flank][lane], of.terms[flank][lane], of.afresh[lane]);
+            if let Some(guard) = doubtful.next_if(|guard| guard.number == number) {
+                let row = &jet.guard_series[number * ROW..(number + 1) * ROW];
+                value = row[0];
+                if watch == Watch::Force {
+                    (error, terms) = (guard.afresh, poly::terms(row, 1.0));
+                }
+            }
+            // Impact sequences need them.
+            let is_rigid = self.s.contacts[j].spec.law.is_rigid();
+            let derivatives = if is_rigid { self.derivatives(watched, powers, jet) } else { [f64::NAN; 3] };
+            GuardValue { guard: id, value, error, terms, derivatives }
+        }));
     }
 
     /// Forms the guards at the end of the step, from the changes `gained` of the deflections.
@@ -224,7 +304,7 @@ impl Expansion<'_> {
 
     /// Evaluates the state at `theta` as [`Jet::state_at`] does.
     #[inline(always)]
-    fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
+    pub fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
         let orders = &jet.rows.orders;
         let s = theta * jet.reach;
         x.resize(self.request.x.len(), 0.0);
@@ -260,85 +340,112 @@ impl Expansion<'_> {
 }
 
 impl Ways<'_> {
-    /// Computes the end of the step from `request` into `leap`. Returns `false` where the step itself has to decide.
-    #[inline(always)]
-    pub fn bare<P: Path>(&self, path: P, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+    /// Returns whether an unobserved step knows the mode.
+    pub fn is_bare(&self) -> bool {
         let motion = &self.motion;
-        if !motion.is_linear || motion.held.is_some() || motion.structure.is_conservative {
-            return false;
+        motion.is_linear && motion.held.is_none() && !motion.structure.is_conservative
+    }
+
+    /// Forms the step from `request` and finds its first fall. Returns `None` where the step itself has to decide.
+    #[inline(always)]
+    pub fn bare_step<'a, P: Path>(
+        &'a self,
+        path: P,
+        request: &'a JetRequest<'a>,
+        jet: &mut Jet,
+        step: &mut BareStep,
+    ) -> Option<Expansion<'a>> {
+        let motion = &self.motion;
+        step.clear();
+        let (e, _, tail) = self.series(path, request, true, jet)?;
+        let powers = powers(jet.reach);
+        e.doubtful(path, &powers, &tail, jet, step);
+        step.tail = tail;
+        step.limit = 1.0;
+        let mut rows: SmallVec<[Deflated<'_>; 8]> = SmallVec::new();
+        for guard in &step.doubtful {
+            rows.push(guard.series(jet));
         }
-        let Some((e, _, tail)) = self.series(path, request, true, &mut leap.jet) else { return false };
-        let reach = leap.jet.reach;
-        let powers = powers(reach);
-        let doubtful = e.doubtful(path, &powers, &tail, leap);
-        let jet = &leap.jet;
-        let rows: SmallVec<[Deflated<'_>; 8]> = doubtful.iter().map(|guard| guard.series(jet)).collect();
         // Guards of equal contacts are equal, and fall together.
-        let is_twin = |fall: &Option<Fall>, series: &Deflated<'_>| {
-            fall.as_ref().is_some_and(|fall| rows[fall.place].is_twin(series))
+        let is_twin = |fall: &Option<Fall>, place: usize| {
+            fall.as_ref().is_some_and(|fall| fall.place == place || rows[fall.place].is_twin(&rows[place]))
         };
-        let (mut limit, mut first) = (1.0, None);
         for (place, series) in rows.iter().enumerate() {
             // The coefficients of a guard of position have been tested, except after an exact zero.
-            let is_tested = series.order == 0 && motion.guards[doubtful[place].number].watch != Watch::Force;
+            let is_tested = series.order == 0 && motion.guards[step.doubtful[place].number].watch != Watch::Force;
             let is_clear = !is_tested && poly::certainly_positive(series.p, series.error);
-            if is_clear || is_twin(&first, series) {
+            if is_clear || is_twin(&step.first, place) {
                 continue;
             }
-            let found = poly::first_root_on(path, series.p, limit, series.error);
-            leap.splits += u64::from(found.splits);
+            let found = poly::first_root_on(path, series.p, step.limit, series.error);
+            step.splits += u64::from(found.splits);
             match found.root {
-                _ if found.touch.is_some() => return false,
+                _ if found.touch.is_some() => return None,
                 FirstRoot::None => {}
                 FirstRoot::At(theta) => {
                     let fall = Fall::new(place, series, theta, request.tolerance);
                     if theta <= 0.0 || fall.is_none() {
-                        return false;
+                        return None;
                     }
-                    (limit, first) = (theta, fall);
+                    (step.limit, step.first) = (theta, fall);
                 }
             }
         }
-        leap.is_bound = first.is_none() && jet.time_at(1.0) >= request.span * (1.0 - ARRIVED);
+        step.is_bound = step.first.is_none() && jet.time_at(1.0) >= request.span * (1.0 - ARRIVED);
         // No other guard, and no end of the arc, may coincide with the first fall.
-        let width = first.as_ref().map_or(0.0, |fall| fall.width);
+        let width = step.first.as_ref().map_or(0.0, |fall| fall.width);
         // No other guard falls with it or is near: an event judges nearness by the value itself, exact zeros included.
         let mut is_alone = true;
-        if first.is_some() || leap.is_bound {
-            for (series, guard) in rows.iter().zip(&doubtful) {
-                let [value, slope, _] = poly::eval_with_derivatives(series.p, limit);
+        if step.first.is_some() || step.is_bound {
+            for (place, (series, guard)) in rows.iter().zip(&step.doubtful).enumerate() {
+                if is_twin(&step.first, place) {
+                    step.falls.push(place);
+                    continue;
+                }
+                let [value, slope, _] = poly::eval_with_derivatives(series.p, step.limit);
                 let is_off = value > APART * (series.error + slope.abs() * width)
-                    && value * limit.powi(series.order as i32) > guard.afresh;
-                is_alone &= is_off || is_twin(&first, series);
+                    && value * step.limit.powi(series.order as i32) > guard.afresh;
+                is_alone &= is_off;
             }
         }
-        if !is_alone || first.is_some() && limit + APART * width >= 1.0 {
+        (is_alone && (step.first.is_none() || step.limit + APART * width < 1.0)).then_some(e)
+    }
+
+    /// Computes the end of the step from `request` into `leap`. Returns `false` where the step itself has to decide.
+    #[inline(always)]
+    pub fn bare<P: Path>(&self, path: P, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+        let (motion, step) = (&self.motion, &mut BareStep::default());
+        if !self.is_bare() {
             return false;
         }
-        let id = |place: usize| motion.guards[doubtful[place].number].id;
-        leap.twins = (0..rows.len()).filter(|place| is_twin(&first, &rows[*place])).map(id).collect();
-        leap.time = jet.time_at(limit);
-        leap.passage = first.map(|fall| {
-            let h = jet.span * reach;
-            let Fall { place, value, slope, curvature, error, zeros, .. } = fall;
+        let formed = self.bare_step(path, request, &mut leap.jet, step);
+        leap.splits += step.splits;
+        let Some(e) = formed else { return false };
+        let Leap { jet, starts, ends, .. } = leap;
+        let id = |place: usize| motion.guards[step.doubtful[place].number].id;
+        leap.twins = step.falls.iter().map(|place| id(*place)).collect();
+        (leap.time, leap.is_bound) = (jet.time_at(step.limit), step.is_bound);
+        leap.passage = step.first.as_ref().map(|fall| {
+            let h = jet.span * jet.reach;
+            let &Fall { place, value, slope, curvature, error, zeros, .. } = fall;
             let (slope, curvature) = (slope / h, curvature / (h * h));
             Passage { guard: id(place), residual: value, slope, error, curvature, zeros }
         });
-        e.state_at(path, jet, limit, &mut leap.x);
+        e.starts(step, &powers(jet.reach), jet, starts);
+        e.state_at(path, jet, step.limit, &mut leap.x);
         if !are_finite(&leap.x) {
             return false;
         }
-        let gained = motion.gained(path, jet, limit);
-        let gained = gained.as_flattened();
-        motion.keep(jet, leap.passage.is_some(), gained, &mut leap.carried);
+        let gained = motion.gained(path, jet, step.limit);
+        motion.keep(path, jet, step.first.is_some(), &gained, &mut leap.carried);
         leap.carried.push(f64::NAN);
         leap.sizes.resize(request.x.len(), 0.0);
         for (size, x) in leap.sizes.iter_mut().zip(request.x) {
             *size = x.abs();
         }
-        leap.ends.clear();
-        if leap.passage.is_none() {
-            e.ends(&doubtful, gained, &tail, (jet, &leap.starts), &mut leap.ends);
+        ends.clear();
+        if step.first.is_none() {
+            e.ends(&step.doubtful, gained.as_flattened(), &step.tail, (jet, starts), ends);
         }
         leap.is_series = true;
         true

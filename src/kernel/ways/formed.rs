@@ -12,6 +12,7 @@ use crate::{
         Motion,
         mode::{fold::Fold, linear_mode::LinearMode},
     },
+    system::Structure,
 };
 
 /// Largest number of components of the state and contacts for which a product with all columns is cheaper than a recurrence: measured on
@@ -19,12 +20,19 @@ use crate::{
 const MOST_OUTPUTS: usize = 17;
 /// Number of degrees of freedom up to which a propagator is formed at once: runs of such small trains have few modes.
 pub const FEW_FREEDOMS: usize = 3;
-/// Number of arcs in a mode after which a propagator of a larger train is formed, at the cost of some fifty arcs by series.
-const WORTH_HERE: u64 = 32;
+/// Number of arcs in a mode after which a propagator of a larger train is formed, at the cost of some hundred arcs by series.
+const WORTH_HERE: u64 = 64;
 
 /// Number of arcs after which a run forms the propagator of a mode whose stiffness follows the forcing, at the cost of some hundred arcs
 /// by series. Such rules count per run, not per thread: propagators formed by other runs change no bit of this one.
 pub const WORTH: u64 = 128;
+
+/// Returns whether some mode of the train may have a propagator: one with few outputs, equal ones counted once.
+pub fn propagates(s: &Structure) -> bool {
+    let [freedoms, contacts] = s.symmetry.firsts(s.n, s.contacts.len());
+    let firsts = |of: &[usize]| of.iter().enumerate().filter(|(i, first)| *i == **first).count();
+    2 * firsts(&freedoms) + firsts(&contacts) <= MOST_OUTPUTS
+}
 
 impl Ways<'_> {
     /// Returns the propagator of the mode, for a run that has `made` these arcs.
@@ -47,10 +55,10 @@ impl Motion<'_> {
         if !is_simple || s.oscillators.len() > MOST_INPUTS || self.is_varying && (s.n > 1 || self.has_ramp()) {
             return None;
         }
-        let fold = Fold::new(self)?;
-        if fold.outputs() > MOST_OUTPUTS {
+        if !propagates(s) {
             return None;
         }
+        let fold = Fold::new(self)?;
         let mode = LinearMode::new(self, fold);
         FORMED.with_borrow_mut(|formed| formed.of(mode))
     }

@@ -8,6 +8,7 @@ use super::{
     formed::WORTH,
     lane_leap::{Bound, Derivatives},
     leap::MOST_LEAPS,
+    linear_lane::LinearLane,
     propagator::MOST_INPUTS,
 };
 use crate::{
@@ -131,6 +132,10 @@ struct NoHost;
 impl LaneHost for NoHost {
     fn is_exact(&mut self, _: &Mode) -> bool {
         true
+    }
+
+    fn count(&mut self, _: &Mode, _: u64) -> u64 {
+        0
     }
 
     fn ends(&mut self, _: &Rebound) -> bool {
@@ -340,7 +345,10 @@ impl hybrid::Lane for Lane<'_> {
 impl Structure {
     /// Returns a lane for motions without observers, if the train has one.
     pub(crate) fn silent(&self) -> Option<Box<dyn hybrid::Lane + '_>> {
-        Lane::new(self).map(|lane| Box::new(lane) as Box<dyn hybrid::Lane>)
+        if let Some(lane) = Lane::new(self) {
+            return Some(Box::new(lane));
+        }
+        Some(Box::new(LinearLane::new(self)?))
     }
 }
 
@@ -429,7 +437,7 @@ impl Work for LaneRun<'_, '_> {
                     if let Some(strikes) = &mut records.strikes {
                         strikes.extend(strike);
                     }
-                    lap.events += 1;
+                    (lap.events, lap.fired) = (lap.events + 1, lap.fired + 1);
                     impact = lane.is_rigid.then_some(guard_id(0, watch)).filter(|_| watch != Watch::Force);
                     if let Some(events) = &mut records.events {
                         let is = lane.modes[lane.state.mode].state;

@@ -6,6 +6,7 @@ mod formed;
 mod lane;
 mod lane_leap;
 mod leap;
+mod linear_lane;
 mod modulated;
 mod nodes;
 mod piece;
@@ -190,7 +191,7 @@ impl JetField for Ways<'_> {
     /// state is then as accurate, and cannot drift apart from it. The last number is the time since contacts with power laws started.
     fn carry(&self, step: &Jet, theta: f64, ends: bool, carried: &mut Vec<f64>) {
         let gained = self.motion.gained(Baseline, step, theta);
-        self.motion.keep(step, ends, gained.as_flattened(), carried);
+        self.motion.keep(Baseline, step, ends, &gained, carried);
         carried.push(step.rows.since + step.time_at(theta));
     }
 }

@@ -196,7 +196,9 @@ fn l23_a_resting_contact_torn_off_by_a_blow_is_separated() {
     let s = stacked(0.5, [-1.0, 0.0], [-1.0, 1.0]);
     let run = run(&s, &[0.0, -1.0], &[0.0, 1.0], 1.25);
     let record = run.events()[0];
-    assert_eq!((run.times()[0], record.x_plus[2], record.x_plus[3]), (1.0, 0.75, 0.25));
+    // A root is rounded, and so is its place in time.
+    assert!((run.times()[0] - 1.0).abs() <= f64::EPSILON);
+    assert_eq!((record.x_plus[2], record.x_plus[3]), (0.75, 0.25));
     assert_eq!((contact_mode(&record.from, 0), contact_mode(&record.to, 0)), (Drive, Separated));
     // It falls back with gravity 1.
     assert!((run.state.x[2] - 0.5).abs() <= 4.0 * f64::EPSILON, "{:?}", run.state.x);
