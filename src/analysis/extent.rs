@@ -27,10 +27,8 @@ impl Extent {
 
     /// Includes the values of a polynomial on `[0, 1]` in each of `extents`; an empty one is zero.
     pub fn extend<const N: usize>(extents: [&mut Self; N], p: &[f64]) {
-        let start = p.first().copied().unwrap_or(0.0);
-        // Bound of the distance from its first value.
-        let reach = p.iter().skip(1).fold(0.0, |sum, c| sum + c.abs());
-        if !extents.iter().all(|extent| extent.holds([start + reach, start - reach])) {
+        let bounds = poly::bounds(p);
+        if !extents.iter().all(|extent| extent.holds(bounds)) {
             let values = poly::extremes(p);
             extents.into_iter().for_each(|extent| extent.take(values));
         }

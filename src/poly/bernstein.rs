@@ -7,6 +7,9 @@ use crate::vectors::{Baseline, Path};
 /// Degree of the first test.
 const LOW: usize = 6;
 
+/// Rounding of a sum of some forty terms relative to the sum of their sizes.
+const MARGIN: f64 = 64.0 * f64::EPSILON;
+
 /// Bernstein coefficients of `1, x, …, x⁶` in degree 6, padded to eight lanes by repeating the last.
 const LOW_BASIS: [[f64; 8]; LOW + 1] = {
     let mut basis = [[0.0; 8]; LOW + 1];
@@ -91,6 +94,21 @@ pub(crate) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
         }
     }
     b.iter().all(|b| *b > 0.0)
+}
+
+/// Returns an upper and a lower bound on the values of `p` on `[0, 1]`: the Bernstein coefficients of its low-degree part, the sum of the
+/// sizes of its other terms, and the rounding of these sums.
+pub(crate) fn bounds(p: &[f64]) -> [f64; 2] {
+    let (low, high) = p.split_at(p.len().min(LOW + 1));
+    let rest = high.iter().fold(0.0, |sum, c| sum + c.abs());
+    let mut b = [0.0; 8];
+    for (c, basis) in low.iter().zip(&LOW_BASIS) {
+        for l in 0..8 {
+            b[l] += c * basis[l];
+        }
+    }
+    let rest = rest + MARGIN * low.iter().fold(rest, |sum, c| sum + c.abs());
+    [b.iter().fold(b[0], |m, b| m.max(*b)) + rest, b.iter().fold(b[0], |m, b| m.min(*b)) - rest]
 }
 
 /// A polynomial of degree `n` by its Bernstein coefficients `b_0 … b_n` on some interval.
@@ -215,8 +233,13 @@ impl Bernstein {
     /// Converts power coefficients on `[0, limit]`.
     pub fn from_power(p: &[f64], limit: f64) -> Self {
         let (n, mut b) = (p.len() - 1, [0.0; MAX_DEGREE + 1]);
-        let sums: [[f64; 4]; FOURS] = sums(Baseline, p, limit);
-        b[..=n].copy_from_slice(&sums.as_flattened()[..=n]);
+        if n < 4 * FEW {
+            let sums: [[f64; 4]; FEW] = sums(Baseline, p, limit);
+            b[..=n].copy_from_slice(&sums.as_flattened()[..=n]);
+        } else {
+            let sums: [[f64; 4]; FOURS] = sums(Baseline, p, limit);
+            b[..=n].copy_from_slice(&sums.as_flattened()[..=n]);
+        }
         Self { n, b }
     }
 

@@ -10,7 +10,7 @@ mod extremes;
 mod falling;
 mod first_root;
 
-pub(crate) use bernstein::{FourRanges, certainly_positive};
+pub(crate) use bernstein::{FourRanges, bounds, certainly_positive};
 pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
 pub(crate) use deflated::Deflated;
 pub use extremes::{extremes, minima};
@@ -116,6 +116,10 @@ static INTEGRALS: [f64; 2 * MAX_DEGREE + 1] = {
 
 /// Computes `∫₀¹ p xˡ dx` for each l, for degrees of at most 80 together: the integral of `p q` is the [`dot`] product with q.
 pub fn moments(p: &[f64], moments: &mut [f64]) {
+    if let [constant] = p {
+        moments.iter_mut().zip(&INTEGRALS).for_each(|(moment, integral)| *moment = constant * integral);
+        return;
+    }
     for (l, moment) in moments.iter_mut().enumerate() {
         *moment = dot(p, &INTEGRALS[l..]);
     }

@@ -130,22 +130,20 @@ impl<'s> LinearLane<'s> {
         })
     }
 
-    /// Returns the index of the mode of an arc that begins. A mode is formed if it is new.
-    fn meet(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> usize {
-        let place = self.places.get(mode).copied().unwrap_or_else(|| self.form(mode, host));
+    /// Returns the index of the mode of an arc that begins. A new mode is formed; `None` if there is no room for it.
+    fn meet(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> Option<usize> {
+        let place = self.places.get(mode).copied().or_else(|| self.form(mode, host))?;
         let met = &mut self.modes[place];
         if self.counts && met.lap != self.laps {
             (met.lap, met.arcs) = (self.laps, [host.count(mode, 0); 2]);
         }
         met.arcs[0] += 1;
-        place
+        Some(place)
     }
 
-    fn form(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> usize {
+    fn form(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> Option<usize> {
         if self.modes.len() >= MOST_MODES {
-            self.report(host);
-            self.modes.clear();
-            self.places.clear();
+            return None;
         }
         let (s, ways) = (self.structure, Ways::new(self.structure, mode));
         let is_simple =
@@ -153,7 +151,7 @@ impl<'s> LinearLane<'s> {
         let followed = (0..s.contacts.len()).filter(|j| s.followed(mode, *j).is_some()).collect();
         self.modes.push(RunMode { ways, is_simple, followed, lap: 0, arcs: [0; 2] });
         self.places.insert(mode.clone(), self.modes.len() - 1);
-        self.modes.len() - 1
+        Some(self.modes.len() - 1)
     }
 
     /// Reports the arcs of the lap to the host.
@@ -281,6 +279,10 @@ impl hybrid::Lane for LinearLane<'_> {
             return Lap::default();
         }
         self.laps += 1;
+        if self.modes.len() >= MOST_MODES {
+            self.modes.clear();
+            self.places.clear();
+        }
         let lap = s.instructions.run(LinearRun { lane: self, point: &mut point, bound, budget, host });
         self.report(host);
         lap
@@ -306,7 +308,7 @@ impl Work for LinearRun<'_, '_, '_> {
         // Work done, and that up to the start of the last arc of which something was decided.
         let (mut lap, mut done) = (Lap::default(), Lap::default());
         'arcs: loop {
-            let place = lane.meet(&point.jump.mode, host);
+            let Some(place) = lane.meet(&point.jump.mode, host) else { break 'arcs };
             lane.pieces.move_to(s, *point.at);
             let switch = lane.pieces.first_end(&lane.modes[place].followed).filter(|switch| *switch <= bound);
             let until = switch.unwrap_or(bound);
@@ -341,11 +343,7 @@ impl Work for LinearRun<'_, '_, '_> {
                     end.agrees && !is_near && clock.advances(at, end.time, span)
                 };
                 let Some(LeapEnd { time, is_bound, .. }) = end.filter(is_clear) else {
-                    // The engine counts this arc, and the one before unless this one has begun.
-                    lane.modes[place].arcs[0] -= 1;
-                    if count == 0 && lap.closes {
-                        lane.modes[lane.start.place].arcs[0] -= 1;
-                    }
+                    lane.modes[place].arcs[0] -= u64::from(count == 0);
                     break 'arcs;
                 };
                 if count == 0 {
@@ -366,7 +364,6 @@ impl Work for LinearRun<'_, '_, '_> {
                 if falls {
                     (lap.events, lap.fired) = (lap.events + 1, lap.fired + lane.fired.len() as u64);
                     if !lane.fire(point) {
-                        lane.modes[place].arcs[0] -= 1;
                         break 'arcs;
                     }
                     continue 'arcs;
@@ -383,6 +380,7 @@ impl Work for LinearRun<'_, '_, '_> {
         }
         if done.closes {
             lane.start.put_back(point);
+            lane.modes[lane.start.place].arcs[0] -= 1;
         }
         done
     }
