@@ -27,6 +27,13 @@ pub(super) struct VisitedMode<'s> {
     pub arcs: u64,
 }
 
+impl VisitedMode<'_> {
+    /// Returns the record of a mode in which a lane has made `arcs`.
+    pub fn with(arcs: u64) -> Self {
+        Self { known: None, arcs }
+    }
+}
+
 /// Motion of a mode, and the flag that permits leaps in it.
 struct ModeMotion<'s> {
     motion: Option<Box<dyn JetField + 's>>,

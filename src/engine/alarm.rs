@@ -133,7 +133,7 @@ impl Alarm {
 
     /// Records the `rounding` of a guard at the start of a step.
     #[inline]
-    fn meet(&mut self, system: &dyn HybridSystem, guard: GuardId, rounding: f64) {
+    pub fn meet(&mut self, system: &dyn HybridSystem, guard: GuardId, rounding: f64) {
         let slot = usize::from(guard.0);
         while self.met.len() <= slot {
             let id = GuardId(self.met.len() as u16);

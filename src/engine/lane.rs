@@ -7,22 +7,24 @@ use std::collections::BTreeMap;
 
 use super::{
     advance::VisitedMode,
+    alarm::Alarm,
     chatter::{Chatter, Flight},
     state::{Options, WideState},
     visit::{ArcEnd, Core},
 };
 use crate::{
     event::Accumulation,
-    hybrid::{Budget, GuardSet, HybridSystem, Instant, Lane, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
+    hybrid::{Budget, GuardId, GuardSet, HybridSystem, Instant, Lane, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
     integrate::Integrator,
 };
 
-/// Host of a lane: decides exactness and the ends of impact sequences.
+/// Host of a lane: decides exactness and the ends of impact sequences, counts arcs, and keeps roundings.
 struct Host<'a, 's> {
     system: &'s dyn HybridSystem,
     integrator: &'a mut (dyn Integrator + 's),
     motions: &'a mut BTreeMap<Mode, VisitedMode<'s>>,
     chatter: &'a mut Chatter,
+    alarm: &'a mut Alarm,
     options: &'a Options,
     /// Longest possible duration of an arc, s.
     longest: f64,
@@ -35,12 +37,21 @@ impl LaneHost for Host<'_, '_> {
     }
 
     fn count(&mut self, mode: &Mode, arcs: u64) -> u64 {
-        if !self.motions.contains_key(mode) && arcs == 0 {
-            return 0;
+        match self.motions.get_mut(mode) {
+            Some(visited) => {
+                visited.arcs += arcs;
+                visited.arcs
+            }
+            None if arcs == 0 => 0,
+            None => {
+                self.motions.insert(mode.clone(), VisitedMode::with(arcs));
+                arcs
+            }
         }
-        let visited = self.motions.entry(mode.clone()).or_default();
-        visited.arcs += arcs;
-        visited.arcs
+    }
+
+    fn meet(&mut self, guard: GuardId, rounding: f64) {
+        self.alarm.meet(self.system, guard, rounding);
     }
 
     fn ends(&mut self, rebound: &Rebound) -> bool {
@@ -66,7 +77,7 @@ pub(super) fn go_on<'s>(
     point: &mut WideState,
     bound: Instant,
 ) -> Option<ArcEnd> {
-    let Core { system, options, counters, chatter, iteration, .. } = core;
+    let Core { system, options, counters, chatter, alarm, iteration, .. } = core;
     let is_open = iteration.is_open();
     let before = counters.events + u64::from(is_open);
     // With a tolerance the uncertainty of each event is counted, and a lane does not give it.
@@ -74,7 +85,7 @@ pub(super) fn go_on<'s>(
         return None;
     }
     let longest = system.clock().between(point.state.at, bound);
-    let mut host = Host { system: *system, integrator, motions, chatter, options, longest, ended: None };
+    let mut host = Host { system: *system, integrator, motions, chatter, alarm, options, longest, ended: None };
     let fired = iteration.fired();
     let impact = fired.iter().find(|id| system.restitution(*id).is_some()).filter(|_| is_open);
     // Several impacts at once are resolved by the event iteration.

@@ -90,7 +90,7 @@ impl Leaps {
             let shown = observer.wants_steps(&state.jump.mode, at);
             let by_series = self.count > 0 && self.leap.is_series;
             let made = LeapCounts { leaps: self.count, arcs: core.counters.arcs, here: self.here, by_series };
-            if clock.is_over(at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
+            if clock.is_no_time(at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }
             let falls_exactly = self.leap.passage.is_some_and(|passage| core.falls_exactly(passage.guard));
@@ -113,7 +113,7 @@ impl Leaps {
             // An event that cannot be distinguished from a switch waits for it. A leap of zero duration is none.
             let waits = |located: &Located| span - self.leap.time <= located.conditioning.time;
             let is_late = arrival == Arrival::Switch && event.as_ref().is_some_and(|(.., located)| waits(located));
-            if is_late || !clock.advances(at, self.leap.time, span) {
+            if is_late || !clock.is_progress(at, self.leap.time, span) {
                 return Ok(None);
             }
             core.count_step(at)?;

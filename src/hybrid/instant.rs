@@ -256,12 +256,12 @@ impl Clock {
     }
 
     /// Returns whether the rest of an arc, `span` s from `at` on, is within a few roundings of its instants, and counts as no time.
-    pub(crate) fn is_over(&self, at: Instant, span: f64) -> bool {
+    pub(crate) fn is_no_time(&self, at: Instant, span: f64) -> bool {
         span <= 4.0 * self.resolution(at)
     }
 
     /// Returns whether `time` s from `at` on is progress on the remaining `span`.
-    pub(crate) fn advances(&self, at: Instant, time: f64, span: f64) -> bool {
+    pub(crate) fn is_progress(&self, at: Instant, time: f64, span: f64) -> bool {
         time > self.resolution(at).max(RESOLUTION * span) || time >= span
     }
 

@@ -23,6 +23,9 @@ pub trait LaneHost {
     /// Adds `arcs` to the arcs that the run has made in `mode`. Returns their number.
     fn count(&mut self, mode: &Mode, arcs: u64) -> u64;
 
+    /// Receives the largest rounding of a guard that the lane has met, in units of the guard.
+    fn meet(&mut self, guard: GuardId, rounding: f64);
+
     /// Receives the rebound of an impact. Returns whether the impact sequence ends with it.
     fn ends(&mut self, rebound: &Rebound) -> bool;
 }
@@ -49,14 +52,14 @@ pub struct LanePoint<'a> {
 pub struct Budget {
     /// Number of events.
     pub events: u64,
-    /// Number of leaps.
+    /// Number of leaps and steps.
     pub steps: u64,
 }
 
 /// Work done by a [`Lane`], and its end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lap {
-    /// Number of leaps.
+    /// Number of leaps and steps.
     pub steps: u64,
     /// Number of smooth arcs.
     pub arcs: u64,

@@ -202,6 +202,8 @@ impl Integrator for Taylor {
         let clock = system.clock();
         let Self { jet, x, carried, extent, blur, varied, left_out } = self;
         let mut cuts = *varied;
+        // The oscillators of another system may have been formed at this instant.
+        jet.rows.oscillators_at = None;
         carried.clear();
         carried.extend_from_slice(arc.carried);
         x.clear();
@@ -216,7 +218,7 @@ impl Integrator for Taylor {
         extent.resize(x.len(), 0.0);
         loop {
             let span = clock.between(at, arc.bound);
-            if clock.is_over(at, span) {
+            if clock.is_no_time(at, span) {
                 end.copy_from_slice(x);
                 return Ok(());
             }
@@ -243,7 +245,7 @@ impl Integrator for Taylor {
                 return Ok(());
             }
             // The test comes after the visit: a step beyond the end of a contact in the root clock is cut by its event.
-            if !clock.advances(at, elapsed, span) {
+            if !clock.is_progress(at, elapsed, span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
             field.carry(jet, 1.0, false, carried);

@@ -67,6 +67,18 @@ impl<P: Path> FourRanges<P> {
     }
 }
 
+/// Returns the Bernstein coefficients of a polynomial of degree 6 at most, plus `start`.
+#[inline(always)]
+fn low_coefficients(low: &[f64], start: f64) -> [f64; 8] {
+    let mut b = [start; 8];
+    for (c, basis) in low.iter().zip(&LOW_BASIS) {
+        for l in 0..8 {
+            b[l] += c * basis[l];
+        }
+    }
+    b
+}
+
 /// Returns whether `p` is proven positive: the Bernstein coefficients of the low-degree part exceed the sum of the other terms.
 #[inline(always)]
 pub(crate) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
@@ -87,13 +99,7 @@ pub(crate) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
     if low[0] > low[1..].iter().fold(rest, |s, c| s + c.abs()) {
         return true;
     }
-    let mut b = [-rest; 8];
-    for (c, basis) in low.iter().zip(&LOW_BASIS) {
-        for l in 0..8 {
-            b[l] += c * basis[l];
-        }
-    }
-    b.iter().all(|b| *b > 0.0)
+    low_coefficients(low, -rest).iter().all(|b| *b > 0.0)
 }
 
 /// Returns an upper and a lower bound on the values of `p` on `[0, 1]`: the Bernstein coefficients of its low-degree part, the sum of the
@@ -101,12 +107,7 @@ pub(crate) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
 pub(crate) fn bounds(p: &[f64]) -> [f64; 2] {
     let (low, high) = p.split_at(p.len().min(LOW + 1));
     let rest = high.iter().fold(0.0, |sum, c| sum + c.abs());
-    let mut b = [0.0; 8];
-    for (c, basis) in low.iter().zip(&LOW_BASIS) {
-        for l in 0..8 {
-            b[l] += c * basis[l];
-        }
-    }
+    let b = low_coefficients(low, 0.0);
     let rest = rest + MARGIN * low.iter().fold(rest, |sum, c| sum + c.abs());
     [b.iter().fold(b[0], |m, b| m.max(*b)) + rest, b.iter().fold(b[0], |m, b| m.min(*b)) - rest]
 }
@@ -233,6 +234,7 @@ impl Bernstein {
     /// Converts power coefficients on `[0, limit]`.
     pub fn from_power(p: &[f64], limit: f64) -> Self {
         let (n, mut b) = (p.len() - 1, [0.0; MAX_DEGREE + 1]);
+        // Fewer vectors give the same bits.
         if n < 4 * FEW {
             let sums: [[f64; 4]; FEW] = sums(Baseline, p, limit);
             b[..=n].copy_from_slice(&sums.as_flattened()[..=n]);

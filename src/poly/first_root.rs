@@ -210,8 +210,8 @@ impl RootSearch<'_> {
     }
 }
 
-/// Step of Halley's method, relative to the root, after which it has arrived: one part of the error is then `step³ p‴/6p′`, and this ratio
-/// of derivatives is far below 1e11 for a series that holds on `[0, 1]`.
+/// Step of Halley's method, relative to the root, after which it has arrived. One part of the error is then `step³ p‴/6p′`, and
+/// `|p‴| ≤ n³ Σ|p_k|`: for the degrees of this module that is far below the rounding of the root, `ε Σ|p_k|/|p′|`.
 const CLOSE: f64 = 1e-9;
 
 /// Returns the single zero in `[lo, hi]`, where `p` falls: Halley's method inside a shrinking bracket.

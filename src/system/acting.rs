@@ -89,6 +89,11 @@ impl Structure {
         }
     }
 
+    /// Iterates over the contacts: the schedule of the stiffness of each, if it has one.
+    pub(crate) fn schedules(&self) -> impl Iterator<Item = Option<&Schedule>> {
+        self.contacts.iter().map(|c| if let Spring::Scheduled(schedule) = &c.spring { Some(schedule) } else { None })
+    }
+
     /// Returns the schedule of the force of contact `j` in `mode`. Switches of other schedules have no effect.
     pub(crate) fn followed(&self, mode: &Mode, j: usize) -> Option<&Schedule> {
         match &self.contacts[j].spring {

@@ -347,7 +347,7 @@ impl HybridSystem for Structure {
         let mut rigid = false;
         let flanks: PerContact<(usize, f64)> =
             fired.iter().map(|id| (guard_of(id).0, guard_of(id).1.side())).filter(|(_, side)| *side != 0.0).collect();
-        jump.projected = self.project(flanks.iter().copied(), at, x, low);
+        jump.projected = self.project(flanks.iter().copied(), at, |j| self.error(j, at).0, x, low);
         for id in fired.iter() {
             let (j, watch) = guard_of(id);
             match self.contacts[j].spec.law {

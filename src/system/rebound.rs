@@ -48,7 +48,7 @@ impl Structure {
         if restitution * speed <= error || change <= error + rounding(1) * change {
             return None;
         }
-        let projected = self.project(std::iter::once((0, side)), at, x, &mut []);
+        let projected = self.project(std::iter::once((0, side)), at, |j| self.error(j, at).0, x, &mut []);
         let impulse = change / self.coupling(0, 0);
         for (i, p) in &c.push {
             x[self.n + *i as usize] -= p * side * impulse;

@@ -2,7 +2,6 @@
 
 use std::collections::HashMap;
 
-use super::assemble::{Contact, Spring, Structure};
 use crate::{
     gear::{Piece, Stiffness},
     hybrid::{Clock, Instant, Wide},
@@ -239,24 +238,26 @@ const CLEAR: f64 = 1e-12;
 
 impl PiecesInForce {
     /// Begins at the instant `at`, which may be earlier.
-    pub fn begin(&mut self, s: &Structure, at: Instant) {
+    pub fn begin<'a>(&mut self, clock: &Clock, schedules: impl Iterator<Item = Option<&'a Schedule>>, at: Instant) {
         self.pieces.clear();
-        self.move_to(s, at);
+        self.move_to(clock, schedules, at);
     }
 
-    /// Moves on to the instant `at`, no earlier than the last one.
+    /// Moves on to the instant `at`, no earlier than the last one. Each contact has its schedule, if any.
     #[inline]
-    pub fn move_to(&mut self, s: &Structure, at: Instant) {
-        let clock = &s.clock;
-        let is_known = self.pieces.len() == s.contacts.len();
+    pub fn move_to<'a>(&mut self, clock: &Clock, schedules: impl Iterator<Item = Option<&'a Schedule>>, at: Instant) {
+        let is_known = !self.pieces.is_empty();
         let period = clock.period().map_or(0.0, |t| t.hi);
         if is_known && self.first.is_none_or(|first| clock.roughly(at, first) > CLEAR * period.max(at.phase.hi.abs())) {
             return;
         }
         let late = late(clock, at);
-        self.pieces.resize(s.contacts.len(), (0, None));
-        for (c, (number, end)) in s.contacts.iter().zip(&mut self.pieces) {
-            let Spring::Scheduled(schedule) = &c.spring else { continue };
+        for (j, schedule) in schedules.enumerate() {
+            if !is_known {
+                self.pieces.push((0, None));
+            }
+            let (number, end) = &mut self.pieces[j];
+            let Some(schedule) = schedule else { continue };
             if !is_known || end.is_some_and(|end| end <= late) {
                 *number = schedule.piece(clock, at).0;
                 *end = schedule.end(clock, late, *number);

@@ -184,7 +184,13 @@ impl Structure {
         }
         let set = self.touching(from, fired, settles, at, x);
         let w = self.mobility(&set);
-        jump.projected = jump.projected.max(self.project(set.iter().map(|t| (t.contact, t.side)), at, x, low));
+        jump.projected = jump.projected.max(self.project(
+            set.iter().map(|t| (t.contact, t.side)),
+            at,
+            |j| self.error(j, at).0,
+            x,
+            low,
+        ));
         let rates = self.rates_in_two(set.iter().map(|t| t.contact), at, x, low);
         let rests = self.strike(jump, &set, &w, settles, x)?;
         let struck = set.iter().zip(&rates).filter(|(t, _)| jump.struck.contains(guard_id(t.contact, t.flank())));
@@ -420,11 +426,12 @@ impl Structure {
         &self,
         contacts: impl Iterator<Item = (usize, f64)> + Clone,
         at: Instant,
+        error: impl Fn(usize) -> f64,
         x: &mut [f64],
         low: &mut [f64],
     ) -> f64 {
         let off = contacts.clone().map(|(j, side)| match side * self.contacts[j].gap() {
-            flank if low.is_empty() => flank - (dot(&self.contacts[j].direction, x) - self.error(j, at).0),
+            flank if low.is_empty() => flank - (dot(&self.contacts[j].direction, x) - error(j)),
             flank => -(self.deflection_in_two(j, at, x, low) - flank.into()).value(),
         });
         let off: PerContact<f64> = off.collect();
@@ -442,7 +449,7 @@ impl Structure {
             .map(|(j, state)| (j, state.side()));
         if resting.clone().next().is_some() {
             let equal = self.equal(x);
-            self.project(resting.clone(), at, x, &mut []);
+            self.project(resting.clone(), at, |j| self.error(j, at).0, x, &mut []);
             self.stop(resting.map(|(j, _)| j), at, x);
             self.restore_equal(&equal, x, &mut []);
         }

@@ -54,3 +54,19 @@ fn ranges_are_narrower_than_the_sizes_of_the_terms() {
     let [least, most, sizes] = Baseline.run(Ranges(&rows, &powers));
     assert!(least[0].abs() <= 1e-15 && (most[0] - 0.3).abs() <= 1e-15 && sizes[0] == 2.0);
 }
+
+#[test]
+fn bounds_contain_all_values_of_a_polynomial() {
+    for trial in 0..600 {
+        let degree = trial % 26;
+        let c = |k: usize| libm::sin((trial + 53 * k) as f64) * 0.6f64.powi((k * (trial % 4)) as i32);
+        let p: Vec<f64> = (0..degree).map(c).collect();
+        let [largest, smallest] = bounds(&p);
+        for place in 0..=64 {
+            let value = crate::poly::eval(&p, f64::from(place) / 64.0);
+            assert!(smallest <= value && value <= largest, "{trial} {place}");
+        }
+    }
+    // The low-degree part decides where its coefficients do.
+    assert_eq!(bounds(&[1.0, -2.0, 1.0]).map(f64::round), [1.0, 0.0]);
+}

@@ -56,6 +56,36 @@ fn agrees_from(schedule: &Schedule, clock: &Clock, number_of_pieces: u32, from: 
     }
 }
 
+/// The pieces in force while time goes on are those of each instant.
+#[test]
+fn pieces_in_force_are_those_of_each_instant() {
+    let clock = Clock::new(Some(std::f64::consts::TAU));
+    let listed = Stiffness::switched(vec![[0.5, 0.0], [1.25, 0.0], [7.0, 1e-17]], [1.0, 2.0]);
+    let of =
+        [periodic(1.0, -0.4, &[0.1, 0.2, 0.7]), periodic(0.7, 0.3, &[0.0, 0.6]), periodic(2.0, 0.0, &[0.0]), listed];
+    let schedules = of.map(|stiffness| Schedule::new(&stiffness, &clock));
+    let mut instants: Vec<Instant> =
+        (0..400).map(|i| clock.advance(Instant::default(), 0.0371 * f64::from(i))).collect();
+    for start in schedules.iter().flat_map(|schedule| all(schedule, &clock, Instant::default())).map(|(start, _)| start)
+    {
+        let tie = clock.between(start, late(&clock, start));
+        instants.extend([-2.0, -0.5, 0.0, 0.5].map(|times| clock.advance(start, times * tie)));
+    }
+    instants.retain(|at| (0.0..14.0).contains(&clock.between(Instant::default(), *at)));
+    instants.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    let known: Vec<Option<&Schedule>> = schedules.iter().map(Some).chain([None]).collect();
+    let mut pieces = PiecesInForce::default();
+    for at in instants {
+        pieces.move_to(&clock, known.iter().copied(), at);
+        for (j, schedule) in schedules.iter().enumerate() {
+            let number = schedule.piece(&clock, at).0;
+            assert_eq!(pieces.number(j), number, "{j} {at:?}");
+            assert_eq!(pieces.first_end(&[j]), schedule.end(&clock, late(&clock, at), number), "{j} {at:?}");
+        }
+        assert_eq!(pieces.first_end(&[4]), None);
+    }
+}
+
 fn periodic(period: f64, origin: f64, starts: &[f64]) -> Stiffness {
     let piece = |start: &f64| Piece { start: *start, value: 1.0 + start, slope: 0.0 };
     Stiffness::Periodic { period, origin, pieces: starts.iter().map(piece).collect() }

@@ -135,7 +135,7 @@ impl Expansion<'_> {
         let step = self.h / (k + 1) as f64;
         let ([.., [q, v]], [next, ..]) = orders.split_at_mut(k + 1) else { unreachable!("no order {k}") };
         let deflections = rows.deflections.as_chunks_mut::<C>().0;
-        // Several fours are one group: the compiler then knows that this is no loop.
+        // Several fours are one group. A constant count lets the compiler drop the loop.
         let count = if C > 1 { 1 } else { groups.len() };
         for number in 0..count {
             let (group, deflections) = (&groups[number], &mut deflections[number]);

@@ -6,7 +6,7 @@
 
 use smallvec::SmallVec;
 
-use super::Ways;
+use super::{AGREED, Ways};
 use crate::{
     hybrid::{ARRIVED, GuardValue, Jet, JetRequest, Leap, Passage, are_finite},
     kernel::{
@@ -31,7 +31,7 @@ const TANGENTIAL: f64 = 1e-3;
 
 /// Guards of position of four contacts at the start of a step.
 #[derive(Clone, Copy, Default)]
-pub struct FlankValues {
+struct FlankValues {
     /// Values at the drive and the back flank, m.
     values: [Four; 2],
     /// Sizes of the terms of these guards on the step, m.
@@ -47,7 +47,7 @@ pub struct FlankValues {
 }
 
 /// Guard that its terms may lower to zero.
-pub struct UndecidedGuard {
+struct UndecidedGuard {
     /// Number of the guard in the mode.
     number: usize,
     tail: f64,
@@ -69,7 +69,7 @@ pub struct Fall {
     place: usize,
     /// Value of the guard; derivatives are with respect to θ.
     value: f64,
-    slope: f64,
+    pub slope: f64,
     curvature: f64,
     error: f64,
     /// Uncertainty of the place, in θ.
@@ -120,9 +120,6 @@ pub struct BareStep {
     pub splits: u64,
 }
 
-/// Factor on a bound by which two values may differ that are known in two ways: each is off by the bound.
-pub const AGREED: f64 = 10.0;
-
 /// Guards of position of four contacts at the end of a step.
 #[derive(Clone, Copy, Default)]
 pub struct FlankEnds {
@@ -163,6 +160,15 @@ impl BareStep {
         apart == 0
     }
 
+    /// Raises `largest` to the rounding of the guards of position, if formed from the state.
+    #[inline(always)]
+    pub fn largest_rounding<P: Path>(&self, path: P, largest: &mut SmallVec<[Four; 4]>) {
+        largest.resize(self.positions.len(), [0.0; LANES]);
+        for (largest, of) in largest.iter_mut().zip(&self.positions) {
+            *largest = path.numbers(path.larger(path.four(of.afresh), path.four(*largest)));
+        }
+    }
+
     /// Iterates over the guards that fall at the end of the step.
     pub fn fired<'a>(&'a self, motion: &'a Motion) -> impl Iterator<Item = &'a ModeGuard> + Clone {
         self.falls.iter().map(|place| &motion.guards[self.doubtful[*place].number])
@@ -188,7 +194,7 @@ impl Expansion<'_> {
         [term(1) / h, 2.0 * term(2) / (h * h), 6.0 * term(3) / (h * h * h)]
     }
 
-    /// Returns the guards of position of four contacts at the start of the step. A guard is clear if no sum of the terms of its deflection
+    /// Writes the guards of position of four contacts at the start of the step into `values`. A guard is clear if no sum of the terms of its deflection
     /// lowers it to zero.
     #[inline(always)]
     fn positions<P: Path>(
@@ -232,7 +238,7 @@ impl Expansion<'_> {
         }
     }
 
-    /// Returns the guards that are not clear of zero on the step, with their rows in `jet`.
+    /// Writes the guards of the step into `step`, and the rows of those that are not clear of zero on it into `jet`.
     #[inline(always)]
     fn doubtful<P: Path>(&self, path: P, powers: &Powers, tail: &Tail, jet: &mut Jet, step: &mut BareStep) {
         let guards = &self.motion.guards;
@@ -340,7 +346,7 @@ impl Expansion<'_> {
 }
 
 impl Ways<'_> {
-    /// Returns whether an unobserved step knows the mode.
+    /// Returns whether unobserved steps cover the mode.
     pub fn is_bare(&self) -> bool {
         let motion = &self.motion;
         motion.is_linear && motion.held.is_none() && !motion.structure.is_conservative
@@ -348,7 +354,7 @@ impl Ways<'_> {
 
     /// Forms the step from `request` and finds its first fall. Returns `None` where the step itself has to decide.
     #[inline(always)]
-    pub fn bare_step<'a, P: Path>(
+    pub(super) fn bare_step<'a, P: Path>(
         &'a self,
         path: P,
         request: &'a JetRequest<'a>,

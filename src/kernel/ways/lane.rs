@@ -4,7 +4,7 @@
 //! decided, if numbers do not agree, or if a contact comes to rest, the lane stops, and an engine continues.
 
 use super::{
-    Ways,
+    AGREED, Ways,
     formed::WORTH,
     lane_leap::{Bound, Derivatives},
     leap::MOST_LEAPS,
@@ -34,8 +34,6 @@ const STATES: [ContactMode; 5] = [
     ContactMode::DriveDetached,
     ContactMode::BackDetached,
 ];
-/// Factor on its error and the rounding of the state by which a falling guard may differ from zero by the state.
-const AGREED: f64 = 10.0;
 /// Least distance of a bound, in spans, at which it does not affect a leap.
 const FAR: f64 = 4.0;
 
@@ -137,6 +135,8 @@ impl LaneHost for NoHost {
     fn count(&mut self, _: &Mode, _: u64) -> u64 {
         0
     }
+
+    fn meet(&mut self, _: hybrid::GuardId, _: f64) {}
 
     fn ends(&mut self, _: &Rebound) -> bool {
         false

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use smallvec::SmallVec;
 
 use super::{
-    Ways,
-    bare::{AGREED, BareStep, FlankEnds},
+    AGREED, Ways,
+    bare::{BareStep, FlankEnds},
     formed::{FEW_FREEDOMS, propagates},
     leap::MOST_LEAPS,
 };
@@ -19,13 +19,20 @@ use crate::{
         self, Budget, FULL_PRECISION, GuardSet, GuardValue, HybridSystem, Instant, JetRequest, Jump, LaneHost,
         LanePoint, Lap, LapEnd, Leap, LeapCounts, Mode, are_finite,
     },
-    kernel::{LANES, mode::motion::ModeGuard, series::start::turn},
-    system::{Contact, PiecesInForce, Spring, Structure, contact_mode, dot, piece},
+    kernel::{
+        Four, LANES,
+        mode::{compiled::LARGEST, motion::ModeGuard},
+        series::start::turn,
+    },
+    system::{Contact, PiecesInForce, Spring, Structure, Watch, contact_mode, guard_id, piece},
     vectors::{Path, Work},
 };
 
-/// Least time from an event to a switch, relative to the step. Nearer ones may be one instant.
+/// Time from an event to a switch, relative to the step, below which the engine decides if the event waits for the switch. The uncertainty of
+/// the time is far less, but at the start of a slow fall.
 const FROM_SWITCH: f64 = 0.02;
+/// Factor on the largest value of a guard by the state within which a switch is near too: an arc of several steps has gathered more.
+const UNCERTAIN: f64 = 10.0;
 /// Factor on the rounding of the state by which it may be moved onto a flank: as much may have been gathered before.
 const GATHERED: f64 = 2.0;
 /// Maximum number of modes kept, as in the engine.
@@ -34,7 +41,7 @@ const MOST_MODES: usize = 1024;
 /// Mode that has occurred in the run.
 struct RunMode<'s> {
     ways: Ways<'s>,
-    /// True if unobserved steps know the mode, and its exact flow may be used.
+    /// True if unobserved steps cover the mode, and its exact flow may be used.
     is_simple: bool,
     /// Contacts whose stiffness switches.
     followed: Vec<usize>,
@@ -52,12 +59,12 @@ struct ArcStart {
     jump: Jump,
     carried: Vec<f64>,
     /// Index of the mode.
-    place: usize,
+    index: usize,
 }
 
 impl ArcStart {
-    fn keep(&mut self, point: &LanePoint<'_>, place: usize) {
-        (self.at, self.place) = (*point.at, place);
+    fn keep(&mut self, point: &LanePoint<'_>, index: usize) {
+        (self.at, self.index) = (*point.at, index);
         self.x.clear();
         self.x.extend_from_slice(point.x);
         self.jump.clone_from(point.jump);
@@ -73,10 +80,12 @@ impl ArcStart {
 }
 
 /// End of a leap or of a step.
-struct LeapEnd {
+struct SpanEnd {
     time: f64,
     /// Length of the span on which guards are known, s.
     length: f64,
+    /// Size of the time derivative of the guards that fall, in units of the guards per second.
+    slope: f64,
     is_bound: bool,
     /// True if the guards at its start agree with those at the end of the one before, and the state at its end is finite.
     agrees: bool,
@@ -87,7 +96,7 @@ pub struct LinearLane<'s> {
     structure: &'s Structure,
     modes: Vec<RunMode<'s>>,
     /// Indices of the modes.
-    places: BTreeMap<Mode, usize>,
+    indices: BTreeMap<Mode, usize>,
     /// Start of the last arc of which something was decided.
     start: ArcStart,
     /// The last leap or step: state, kept stretches, and rows.
@@ -99,6 +108,8 @@ pub struct LinearLane<'s> {
     /// Guards of position at its end, if the arc goes on.
     ends: SmallVec<[FlankEnds; 4]>,
     pieces: PiecesInForce,
+    /// Largest rounding of the guards of each contact in the lap, if formed from the state, m.
+    rounding: SmallVec<[Four; 4]>,
     /// Number of laps made.
     laps: u64,
     /// True if some mode may have a propagator, which depends on the number of arcs in the mode.
@@ -106,18 +117,19 @@ pub struct LinearLane<'s> {
 }
 
 impl<'s> LinearLane<'s> {
-    /// Returns a lane for motions of `structure`; `None` unless it has more degrees of freedom than trains whose arcs are leaps, losses, a
-    /// period, and linear laws that release by deflection, with stiffnesses that do not vary smoothly.
+    /// Returns a lane for motions of `structure`; `None` unless it has 4 to 24 degrees of freedom, losses, a period, and linear laws that release by deflection, with stiffnesses that do not vary smoothly.
     pub fn new(structure: &'s Structure) -> Option<Self> {
         let is_linear = |law: &Law| matches!(law, Law::KelvinVoigt(..) | Law::Bilateral(_));
         let knows = |c: &Contact| {
             is_linear(&c.spec.law) && c.release_damping().is_none() && !matches!(c.spring, Spring::Waves(..))
         };
-        let fits = structure.n > FEW_FREEDOMS && structure.dim == 2 * structure.n && !structure.is_conservative;
+        let fits = (FEW_FREEDOMS + 1..=LARGEST).contains(&structure.n)
+            && structure.dim == 2 * structure.n
+            && !structure.is_conservative;
         (structure.contacts.iter().all(knows) && fits && structure.clock.period().is_some()).then(|| Self {
             structure,
             modes: Vec::new(),
-            places: BTreeMap::new(),
+            indices: BTreeMap::new(),
             start: ArcStart::default(),
             leap: Leap::default(),
             step: BareStep::default(),
@@ -125,6 +137,7 @@ impl<'s> LinearLane<'s> {
             most: 0.0,
             ends: SmallVec::new(),
             pieces: PiecesInForce::default(),
+            rounding: SmallVec::new(),
             laps: 0,
             counts: propagates(structure),
         })
@@ -132,30 +145,36 @@ impl<'s> LinearLane<'s> {
 
     /// Returns the index of the mode of an arc that begins. A new mode is formed; `None` if there is no room for it.
     fn meet(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> Option<usize> {
-        let place = self.places.get(mode).copied().or_else(|| self.form(mode, host))?;
-        let met = &mut self.modes[place];
+        let index = self.indices.get(mode).copied().or_else(|| self.form(mode, host))?;
+        let met = &mut self.modes[index];
         if self.counts && met.lap != self.laps {
             (met.lap, met.arcs) = (self.laps, [host.count(mode, 0); 2]);
         }
         met.arcs[0] += 1;
-        Some(place)
+        Some(index)
     }
 
     fn form(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> Option<usize> {
         if self.modes.len() >= MOST_MODES {
             return None;
         }
-        let (s, ways) = (self.structure, Ways::new(self.structure, mode));
-        let is_simple =
-            ways.is_bare() && !ways.motion.is_varying && ways.motion.watched_forces.is_empty() && host.is_exact(mode);
+        let (s, is_exact) = (self.structure, host.is_exact(mode));
+        let ways = Ways::new(s, mode);
+        let is_simple = is_exact && ways.is_bare() && !ways.motion.is_varying && ways.motion.watched_forces.is_empty();
         let followed = (0..s.contacts.len()).filter(|j| s.followed(mode, *j).is_some()).collect();
         self.modes.push(RunMode { ways, is_simple, followed, lap: 0, arcs: [0; 2] });
-        self.places.insert(mode.clone(), self.modes.len() - 1);
+        self.indices.insert(mode.clone(), self.modes.len() - 1);
         Some(self.modes.len() - 1)
     }
 
-    /// Reports the arcs of the lap to the host.
+    /// Reports the arcs and the roundings of the lap to the host.
     fn report(&self, host: &mut dyn LaneHost) {
+        for j in 0..self.structure.contacts.len() {
+            let rounding = self.rounding.get(j / LANES).map_or(0.0, |four| four[j % LANES]);
+            if rounding > 0.0 {
+                [Watch::DriveFlank, Watch::BackFlank].iter().for_each(|watch| host.meet(guard_id(j, *watch), rounding));
+            }
+        }
         for met in self.modes.iter().filter(|met| met.lap == self.laps && met.arcs[0] > met.arcs[1]) {
             host.count(&met.ways.motion.mode, met.arcs[0] - met.arcs[1]);
         }
@@ -166,11 +185,11 @@ impl<'s> LinearLane<'s> {
     fn by_propagator<P: Path>(
         &mut self,
         path: P,
-        place: usize,
+        index: usize,
         request: &JetRequest<'_>,
         count: u32,
-    ) -> Option<LeapEnd> {
-        let RunMode { ways, arcs, .. } = &self.modes[place];
+    ) -> Option<SpanEnd> {
+        let RunMode { ways, arcs, .. } = &self.modes[index];
         let made = LeapCounts { here: arcs[0], ..LeapCounts::default() };
         let (motion, leap) = (&ways.motion, &mut self.leap);
         let propagator = ways.propagator(made).filter(|of| count < MOST_LEAPS && of.fold.holds(motion, request))?;
@@ -187,6 +206,11 @@ impl<'s> LinearLane<'s> {
             })
         };
         let agrees = motion.guards.iter().zip(&leap.starts).all(agrees);
+        self.rounding.resize(motion.flanks.len(), [0.0; LANES]);
+        for (guard, start) in motion.guards.iter().zip(&leap.starts) {
+            let largest = &mut self.rounding[guard.contact / LANES][guard.contact % LANES];
+            *largest = largest.max(start.error);
+        }
         self.fired.clear();
         self.ends.clear();
         if let Some(passage) = leap.passage {
@@ -203,13 +227,14 @@ impl<'s> LinearLane<'s> {
                 of.error[lane] = of.error[lane].max(end.error + start.error);
             }
         }
-        Some(LeapEnd { time: leap.time, length: propagator.span, is_bound: leap.is_bound, agrees })
+        let slope = leap.passage.map_or(0.0, |passage| passage.slope.abs());
+        Some(SpanEnd { time: leap.time, length: propagator.span, slope, is_bound: leap.is_bound, agrees })
     }
 
     /// Makes a step. Returns `None` if it has to decide itself.
     #[inline(always)]
-    fn by_series<P: Path>(&mut self, path: P, place: usize, request: &JetRequest<'_>) -> Option<LeapEnd> {
-        let (ways, Leap { jet, x, carried, .. }, step) = (&self.modes[place].ways, &mut self.leap, &mut self.step);
+    fn by_series<P: Path>(&mut self, path: P, index: usize, request: &JetRequest<'_>) -> Option<SpanEnd> {
+        let (ways, Leap { jet, x, carried, .. }, step) = (&self.modes[index].ways, &mut self.leap, &mut self.step);
         let motion = &ways.motion;
         let formed = ways.bare_step(path, request, jet, step)?;
         formed.state_at(path, jet, step.limit, x);
@@ -218,6 +243,7 @@ impl<'s> LinearLane<'s> {
         carried.push(f64::NAN);
         let (step, jet) = (&self.step, &self.leap.jet);
         let agrees = step.agrees(path, motion, &self.ends) && are_finite(&self.leap.x);
+        step.largest_rounding(path, &mut self.rounding);
         self.fired.clear();
         self.ends.clear();
         if falls {
@@ -227,7 +253,9 @@ impl<'s> LinearLane<'s> {
         } else {
             step.ends(path, motion, &gained, &mut self.ends);
         }
-        Some(LeapEnd { time: jet.time_at(step.limit), length: jet.time_at(1.0), is_bound: step.is_bound, agrees })
+        let (time, length) = (jet.time_at(step.limit), jet.time_at(1.0));
+        let slope = step.first.as_ref().map_or(0.0, |fall| fall.slope.abs() / length);
+        Some(SpanEnd { time, length, slope, is_bound: step.is_bound, agrees })
     }
 
     /// Makes the jump of the guards that fall. Returns `false` if it is not decided here.
@@ -240,23 +268,21 @@ impl<'s> LinearLane<'s> {
         let rows = &mut leap.jet.rows;
         rows.fit(s.n, s.contacts.len(), s.oscillators.len());
         turn(s, at, rows);
-        let off = |guard: &ModeGuard| {
-            let c = &s.contacts[guard.contact];
-            let error = c.error.iter().fold(c.spec.error_offset, |sum, w| {
+        let error = |j: usize| {
+            let c = &s.contacts[j];
+            c.error.iter().fold(c.spec.error_offset, |sum, w| {
                 let [cosine, sine] = &rows.oscillators[w.index];
                 sum + (w.cosine * cosine[0] + w.sine * sine[0])
-            });
-            guard.watch.side() * c.gap() - (dot(&c.direction, point.x) - error)
+            })
         };
-        let off: SmallVec<[f64; 8]> = guards.iter().map(off).collect();
-        let projected = off.iter().fold(0.0, |m: f64, off| m.max(off.abs()));
+        let equal = s.equal(point.x);
+        let flanks = guards.iter().map(|guard| (guard.contact, guard.watch.side()));
+        let projected = s.project(flanks, at, error, point.x, &mut []);
         if projected > *most {
             return false;
         }
-        let equal = s.equal(point.x);
-        s.shift(guards.iter().map(|guard| guard.contact), &off, &mut point.x[..s.n]);
         s.restore_equal(&equal, point.x, &mut []);
-        pieces.move_to(s, at);
+        pieces.move_to(&s.clock, s.schedules(), at);
         for guard in guards.iter() {
             let (j, mode) = (guard.contact, &mut point.jump.mode);
             let Some(next) = contact_mode(mode, j).after(guard.watch) else { return false };
@@ -272,7 +298,8 @@ impl hybrid::Lane for LinearLane<'_> {
     fn run(&mut self, mut point: LanePoint<'_>, bound: Instant, budget: Budget, host: &mut dyn LaneHost) -> Lap {
         let (s, mode) = (self.structure, &point.jump.mode);
         self.ends.clear();
-        self.pieces.begin(s, *point.at);
+        self.rounding.clear();
+        self.pieces.begin(&s.clock, s.schedules(), *point.at);
         // A start at a switch that its mode has not passed.
         let is_late = |j: usize| s.followed(mode, j).is_some() && piece(mode, j) != self.pieces.number(j);
         if (0..s.contacts.len()).any(is_late) {
@@ -281,7 +308,7 @@ impl hybrid::Lane for LinearLane<'_> {
         self.laps += 1;
         if self.modes.len() >= MOST_MODES {
             self.modes.clear();
-            self.places.clear();
+            self.indices.clear();
         }
         let lap = s.instructions.run(LinearRun { lane: self, point: &mut point, bound, budget, host });
         self.report(host);
@@ -308,9 +335,9 @@ impl Work for LinearRun<'_, '_, '_> {
         // Work done, and that up to the start of the last arc of which something was decided.
         let (mut lap, mut done) = (Lap::default(), Lap::default());
         'arcs: loop {
-            let Some(place) = lane.meet(&point.jump.mode, host) else { break 'arcs };
-            lane.pieces.move_to(s, *point.at);
-            let switch = lane.pieces.first_end(&lane.modes[place].followed).filter(|switch| *switch <= bound);
+            let Some(index) = lane.meet(&point.jump.mode, host) else { break 'arcs };
+            lane.pieces.move_to(&clock, s.schedules(), *point.at);
+            let switch = lane.pieces.first_end(&lane.modes[index].followed).filter(|switch| *switch <= bound);
             let until = switch.unwrap_or(bound);
             let (mut count, mut by_series) = (0, false);
             loop {
@@ -328,28 +355,30 @@ impl Work for LinearRun<'_, '_, '_> {
                     left_out: [0.0; 2],
                 };
                 let mut end = None;
-                if lane.modes[place].is_simple && !is_spent && !clock.is_over(at, span) {
+                if lane.modes[index].is_simple && !is_spent && !clock.is_no_time(at, span) {
                     if !by_series {
-                        end = lane.by_propagator(path, place, &request, count);
+                        end = lane.by_propagator(path, index, &request, count);
                     }
                     if end.is_none() {
                         by_series = true;
-                        end = lane.by_series(path, place, &request);
+                        end = lane.by_series(path, index, &request);
                     }
                 }
                 let falls = !lane.fired.is_empty();
-                let is_clear = |end: &LeapEnd| {
-                    let is_near = falls && switch.is_some() && span - end.time <= FROM_SWITCH * end.length;
-                    end.agrees && !is_near && clock.advances(at, end.time, span)
+                let is_clear = |end: &SpanEnd| {
+                    let left = span - end.time;
+                    let is_near = left <= FROM_SWITCH * end.length || left * end.slope <= UNCERTAIN * lane.most;
+                    let is_near = falls && switch.is_some() && is_near;
+                    end.agrees && !is_near && clock.is_progress(at, end.time, span)
                 };
-                let Some(LeapEnd { time, is_bound, .. }) = end.filter(is_clear) else {
-                    lane.modes[place].arcs[0] -= u64::from(count == 0);
+                let Some(SpanEnd { time, is_bound, .. }) = end.filter(is_clear) else {
+                    lane.modes[index].arcs[0] -= u64::from(count == 0);
                     break 'arcs;
                 };
                 if count == 0 {
                     lap.closes = true;
                     done = lap;
-                    lane.start.keep(point, place);
+                    lane.start.keep(point, index);
                     lap.arcs += 1;
                 }
                 count += 1;
@@ -380,7 +409,7 @@ impl Work for LinearRun<'_, '_, '_> {
         }
         if done.closes {
             lane.start.put_back(point);
-            lane.modes[lane.start.place].arcs[0] -= 1;
+            lane.modes[lane.start.index].arcs[0] -= 1;
         }
         done
     }
