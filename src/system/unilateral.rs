@@ -184,13 +184,9 @@ impl Structure {
         }
         let set = self.touching(from, fired, settles, at, x);
         let w = self.mobility(&set);
-        jump.projected = jump.projected.max(self.project(
-            set.iter().map(|t| (t.contact, t.side)),
-            at,
-            |j| self.error(j, at).0,
-            x,
-            low,
-        ));
+        let error = |j: usize| self.error(j, at).0;
+        let projected = self.project(set.iter().map(|t| (t.contact, t.side)), at, error, x, low);
+        jump.projected = jump.projected.max(projected);
         let rates = self.rates_in_two(set.iter().map(|t| t.contact), at, x, low);
         let rests = self.strike(jump, &set, &w, settles, x)?;
         let struck = set.iter().zip(&rates).filter(|(t, _)| jump.struck.contains(guard_id(t.contact, t.flank())));
