@@ -77,10 +77,12 @@ fn a_lane_decides_as_an_engine_does() {
                 let (lane, engine) = (decide(&pair), decide_generally(&pair));
                 let place = format!("{kind} {damping} {in_gap} {amplitude} {frequency} {load}");
                 if lane.motion.period.is_none() || engine.motion.period.is_none() {
-                    // Rounding decides on the way of an irregular motion; of its kind both must think the same, unless one cannot tell, or the
-                    // irregular motion of one is a transient to the orbit of the other.
+                    // Rounding decides on the way of an irregular motion; of its kind both must think the same, unless one cannot tell or
+                    // still leaves an unstable orbit, or the irregular motion of one is a transient to the orbit of the other.
                     let both = [lane.motion.kind, engine.motion.kind];
-                    let is_open = both[0] == both[1] || both.contains(&MotionKind::Undecided);
+                    let is_unsettled =
+                        |kind: &MotionKind| matches!(kind, MotionKind::Undecided | MotionKind::Transient);
+                    let is_open = both[0] == both[1] || both.iter().any(is_unsettled);
                     assert!(is_open || ends_on_an_orbit(&pair), "{place}: {both:?}");
                     chaotic += usize::from(lane.motion.kind == MotionKind::Chaotic);
                     continue;
