@@ -226,7 +226,7 @@ fn a_lane_passes_steady_motions_by_itself() {
     }
 }
 
-/// A lane passes nearly all cycles of motions without order: events, several at once, and switches of the stiffness.
+/// A lane passes three quarters or more of the cycles of motions without order: events, several at once, and switches of the stiffness.
 #[test]
 fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
     for name in ["W3", "W3-sym", "W4"] {
@@ -236,8 +236,8 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
         let (clock, mut watching) = (simulation.clock(), Watching::default());
         let mut engine = engine(&simulation, start, Options::default());
         let (mut passed, mut fired, mut switches) = (0, 0, 0);
-        // A stiffness switches at the start of a cycle. A lane that begins there leaves the switch to the engine.
-        let phase = 0.1 * clock.period().unwrap().hi;
+        // No stiffness switches at this phase. A lane that begins at a switch leaves it to the engine.
+        let phase = 0.0371 * clock.period().unwrap().hi;
         engine.run(clock.at(0, phase), &mut watching).unwrap();
         for cycle in 0..60 {
             let end = clock.at(cycle + 1, phase);
@@ -247,6 +247,7 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
             let (at, x, jump, carried) = (&mut at, &mut x[..], &mut jump, &mut carried);
             let point = LanePoint { at, x, jump, carried, arcs: before.arcs, impact: None };
             let unlimited = Budget { events: u64::MAX, steps: u64::MAX };
+            assert_eq!(simulation.structure.switched(&point.jump.mode, *point.at), point.jump.mode, "{name}");
             let lap = lane.run(point, end, unlimited, &mut Free);
             if lap.end == LapEnd::Bound {
                 let after = engine.counters();
@@ -255,7 +256,7 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
                 (passed, fired, switches) = (passed + 1, fired + lap.fired, switches + lap.switches);
             }
         }
-        assert!(passed >= 45 && fired > 100 && switches >= 5, "{name}: {passed} cycles, {fired}, {switches}");
+        assert!(passed >= 45 && fired > 300 && switches >= 15, "{name}: {passed} cycles, {fired}, {switches}");
     }
 }
 

@@ -28,10 +28,10 @@ use crate::{
     vectors::{Path, Work},
 };
 
-/// Time from an event to a switch, relative to the step, below which the engine decides if the event waits for the switch. The uncertainty of
-/// the time is far less, but at the start of a slow fall.
+/// Time from an event to a switch, relative to the step, below which the engine decides if the event waits for the switch.
 const FROM_SWITCH: f64 = 0.02;
-/// Factor on the largest value of a guard by the state within which a switch is near too: an arc of several steps has gathered more.
+/// Factor on the largest permitted value of a guard. The engine decides too if the guard changes by less up to the switch. The factor covers
+/// the rounding that several steps of an arc gather.
 const UNCERTAIN: f64 = 10.0;
 /// Factor on the rounding of the state by which it may be moved onto a flank: as much may have been gathered before.
 const GATHERED: f64 = 2.0;
@@ -117,7 +117,8 @@ pub struct LinearLane<'s> {
 }
 
 impl<'s> LinearLane<'s> {
-    /// Returns a lane for motions of `structure`; `None` unless it has 4 to 24 degrees of freedom, losses, a period, and linear laws that release by deflection, with stiffnesses that do not vary smoothly.
+    /// Returns a lane for motions of `structure`; `None` unless it has 4 to 24 degrees of freedom, losses, a period, and linear laws. The laws
+    /// must release by deflection, and their stiffnesses must not have harmonics.
     pub fn new(structure: &'s Structure) -> Option<Self> {
         let is_linear = |law: &Law| matches!(law, Law::KelvinVoigt(..) | Law::Bilateral(_));
         let knows = |c: &Contact| {
@@ -169,7 +170,9 @@ impl<'s> LinearLane<'s> {
 
     /// Reports the arcs and the roundings of the lap to the host.
     fn report(&self, host: &mut dyn LaneHost) {
-        for j in 0..self.structure.contacts.len() {
+        // A bilateral contact has no guard, and the terms of its deflection are no displacements.
+        let has_guard = |j: &usize| !self.structure.contacts[*j].spec.law.is_bilateral();
+        for j in (0..self.structure.contacts.len()).filter(has_guard) {
             let rounding = self.rounding.get(j / LANES).map_or(0.0, |four| four[j % LANES]);
             if rounding > 0.0 {
                 [Watch::DriveFlank, Watch::BackFlank].iter().for_each(|watch| host.meet(guard_id(j, *watch), rounding));
