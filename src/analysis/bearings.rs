@@ -124,6 +124,10 @@ impl Observer for Bearings<'_> {
         !self.tracks.is_empty() && is_measured(&self.clock, self.from, until)
     }
 
+    fn observed_from(&self) -> Instant {
+        if self.tracks.is_empty() { Instant::LAST } else { self.from.unwrap_or(Instant::FIRST) }
+    }
+
     fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let Self { piece, state, square, tracks, .. } = self;
         if tracks.is_empty() {

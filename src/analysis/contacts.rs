@@ -300,6 +300,10 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
         !self.skips || is_measured(&self.clock, self.from, until)
     }
 
+    fn observed_from(&self) -> Instant {
+        self.from.filter(|_| self.skips).unwrap_or(Instant::FIRST)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         for j in 0..self.tracks.len() {
             if self.tracks[j].spell.is_none() {

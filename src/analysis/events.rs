@@ -252,6 +252,10 @@ impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<(
         self.contacts.wants_steps(mode, until)
     }
 
+    fn observed_from(&self) -> Instant {
+        if self.is_silent { self.contacts.observed_from() } else { Instant::FIRST }
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.contacts.step(mode, step, until)
     }

@@ -212,6 +212,10 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
         is_measured(&self.clock, self.from, until)
     }
 
+    fn observed_from(&self) -> Instant {
+        self.from.unwrap_or(Instant::FIRST)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let measured = measured_parts(&self.clock, self.from, step, until).find(|(.., is_measured)| *is_measured);
         let Some((low, ..)) = measured else { return ControlFlow::Continue(()) };

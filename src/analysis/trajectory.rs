@@ -122,6 +122,10 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Observer for Trajectory<F> {
         self.due().is_some_and(|at| self.clock.between(at, until) >= 0.0)
     }
 
+    fn observed_from(&self) -> Instant {
+        self.due().unwrap_or(Instant::LAST)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let span = step.time(until);
         // A sample exactly at the end has the state after an event there.

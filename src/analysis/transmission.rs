@@ -215,6 +215,10 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for TransmissionError<'_, 
         is_measured(&self.clock, self.from, until)
     }
 
+    fn observed_from(&self) -> Instant {
+        self.from.unwrap_or(Instant::FIRST)
+    }
+
     fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         for (low, high, is_measured) in measured_parts(&self.clock, self.from, step, until) {
             if !is_measured {

@@ -95,7 +95,8 @@ pub fn execute(arguments: &RunArguments) -> Result<Completion, Error> {
     job.verify |= arguments.verify;
     job.trajectory |= arguments.trajectory;
     job.replace = arguments.force;
-    job.log = !arguments.no_log;
+    // Without `--out` nobody reads rows.
+    job.log = arguments.out.is_some() && !arguments.no_log;
     let to_output = arguments.out.as_deref() == Some(Path::new("-"));
     let out = arguments.out.as_deref().filter(|_| !to_output);
     job.trajectory &= !to_output;

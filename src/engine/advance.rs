@@ -48,7 +48,7 @@ pub struct Engine<'s> {
     motions: BTreeMap<Mode, VisitedMode<'s>>,
     kept: usize,
     leaps: Leaps,
-    /// Lane for motions that no observer watches, if the system has one.
+    /// Lane for motions that nobody observes, if the system has one.
     lane: Option<Box<dyn Lane + 's>>,
     /// Scratch for the state at the end of an arc, and for its low part.
     end: [Vec<f64>; 2],
@@ -119,21 +119,21 @@ impl<'s> Engine<'s> {
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);
             }
-            if let Some(lane) =
-                self.lane.as_deref_mut().filter(|_| !observer.wants_anything() && self.core.summed.is_none())
-            {
+            if let Some(lane) = self.lane.as_deref_mut().filter(|_| self.core.summed.is_none()) {
                 match lane::go_on(
                     lane,
                     &mut self.core,
                     (&mut *self.integrator, &mut self.motions),
                     &mut self.point,
                     end,
+                    observer,
                 ) {
                     Some(ArcEnd::Bound) => break,
                     Some(ArcEnd::Rest(guards, accumulation)) => {
                         self.core.rest(&mut self.point, guards, accumulation)?;
                         continue;
                     }
+                    Some(ArcEnd::Stop(outcome)) => return Ok(outcome),
                     _ => {}
                 }
             }

@@ -1,11 +1,12 @@
-//! Runs that only report their final state, in the lane of the system.
+//! Motions that nobody observes, in the lane of the system.
 //!
 //! The result equals that of arcs and instants, bit for bit. A lane advances only where nothing is ambiguous, and returns any arc that it
 //! cannot decide from the start of that arc.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::ControlFlow};
 
 use super::{
+    Observer, Outcome,
     advance::VisitedMode,
     alarm::Alarm,
     chatter::{Chatter, Flight},
@@ -14,11 +15,13 @@ use super::{
 };
 use crate::{
     event::Accumulation,
-    hybrid::{Budget, GuardId, GuardSet, HybridSystem, Instant, Lane, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
+    hybrid::{
+        GuardId, GuardSet, HybridSystem, Instant, Lane, LaneHost, LaneLimits, LanePoint, Lap, LapEnd, Mode, Rebound,
+    },
     integrate::Integrator,
 };
 
-/// Host of a lane: decides exactness and the ends of impact sequences, counts arcs, and keeps roundings.
+/// Host of a lane: decides exactness and the ends of impact sequences, counts arcs, keeps roundings, and passes instants to the observer.
 struct Host<'a, 's> {
     system: &'s dyn HybridSystem,
     integrator: &'a mut (dyn Integrator + 's),
@@ -26,12 +29,21 @@ struct Host<'a, 's> {
     chatter: &'a mut Chatter,
     alarm: &'a mut Alarm,
     options: &'a Options,
+    observer: &'a mut dyn Observer,
     /// Longest possible duration of an arc, s.
     longest: f64,
     ended: Option<(GuardSet, Accumulation)>,
+    /// True if the observer stops the run.
+    stops: bool,
 }
 
 impl LaneHost for Host<'_, '_> {
+    fn pass(&mut self, at: Instant) -> ControlFlow<()> {
+        let flow = self.observer.skip(at);
+        self.stops = flow.is_break();
+        flow
+    }
+
     fn is_exact(&mut self, mode: &Mode) -> bool {
         self.integrator.is_exact(self.system, mode, self.longest)
     }
@@ -69,23 +81,41 @@ impl LaneHost for Host<'_, '_> {
     }
 }
 
-/// Advances in `lane` from `point` up to `bound`. Returns the end of the current arc if the lane has reached it.
+/// Advances in `lane` from `point` up to `bound`, or up to what `observer` looks at. Returns the end of the current arc if the lane has
+/// reached it.
 pub(super) fn go_on<'s>(
     lane: &mut (dyn Lane + 's),
     core: &mut Core<'s>,
     (integrator, motions): (&mut (dyn Integrator + 's), &mut BTreeMap<Mode, VisitedMode<'s>>),
     point: &mut WideState,
     bound: Instant,
+    observer: &mut dyn Observer,
 ) -> Option<ArcEnd> {
     let Core { system, options, counters, chatter, alarm, iteration, .. } = core;
     let is_open = iteration.is_open();
     let before = counters.events + u64::from(is_open);
+    let observed = observer.observed_from();
     // With a tolerance the uncertainty of each event is counted, and a lane does not give it.
-    if before >= options.max_events || !point.state.jump.still.is_empty() || core.tolerance > 0.0 {
+    if observed <= point.state.at
+        || before >= options.max_events
+        || !point.state.jump.still.is_empty()
+        || core.tolerance > 0.0
+    {
         return None;
     }
     let longest = system.clock().between(point.state.at, bound);
-    let mut host = Host { system: *system, integrator, motions, chatter, alarm, options, longest, ended: None };
+    let mut host = Host {
+        system: *system,
+        integrator,
+        motions,
+        chatter,
+        alarm,
+        options,
+        observer: &mut *observer,
+        longest,
+        ended: None,
+        stops: false,
+    };
     let fired = iteration.fired();
     let impact = fired.iter().find(|id| system.restitution(*id).is_some()).filter(|_| is_open);
     // Several impacts at once are resolved by the event iteration.
@@ -95,11 +125,12 @@ pub(super) fn go_on<'s>(
     let WideState { state, carried, .. } = &mut *point;
     let from =
         LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, arcs: counters.arcs, impact };
-    let budget = Budget { events: options.max_events - before, steps: options.max_steps - counters.steps };
-    let lap = lane.run(from, bound, budget, &mut host);
-    let ended = host.ended;
+    let (events, steps) = (options.max_events - before, options.max_steps - counters.steps);
+    let lap = lane.run(from, LaneLimits { bound, observed, events, steps }, &mut host);
+    let (ended, stops) = (host.ended, host.stops);
+    let stop = Some(ArcEnd::Stop(Outcome::StoppedByObserver));
     if lap == Lap::default() {
-        return None;
+        return stop.filter(|_| stops);
     }
     core.counters.steps += lap.steps;
     core.counters.arcs += lap.arcs;
@@ -108,6 +139,9 @@ pub(super) fn go_on<'s>(
     core.counters.switches += lap.switches;
     core.locator.splits += lap.splits;
     core.go_past(&point.state);
+    if stops || observer.skip(point.state.at).is_break() {
+        return stop;
+    }
     match (lap.end, ended) {
         (LapEnd::Bound, _) => Some(ArcEnd::Bound),
         (LapEnd::Sequence, Some((guards, accumulation))) => Some(ArcEnd::Rest(guards, accumulation)),

@@ -41,9 +41,16 @@ pub trait Observer {
         true
     }
 
-    /// Returns whether the observer looks at anything at all. If not, a run may go from event to event without reporting any.
-    fn wants_anything(&self) -> bool {
-        true
+    /// Returns the instant from which the observer looks at something, [`Instant::LAST`] if at nothing at all. A run need not report arcs
+    /// that end before it; it passes instants to [`skip`](Self::skip) in their place.
+    fn observed_from(&self) -> Instant {
+        Instant::FIRST
+    }
+
+    /// Receives an instant that the run has reached without reports.
+    fn skip(&mut self, at: Instant) -> ControlFlow<()> {
+        let _ = at;
+        ControlFlow::Continue(())
     }
 
     /// Receives a piece of smooth motion: the step, valid on `[0, until]`.
@@ -85,8 +92,8 @@ impl Observer for () {
         false
     }
 
-    fn wants_anything(&self) -> bool {
-        false
+    fn observed_from(&self) -> Instant {
+        Instant::LAST
     }
 }
 
@@ -115,8 +122,15 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
         self.0.wants_events() || self.1.wants_events()
     }
 
-    fn wants_anything(&self) -> bool {
-        self.0.wants_anything() || self.1.wants_anything()
+    fn observed_from(&self) -> Instant {
+        let (first, second) = (self.0.observed_from(), self.1.observed_from());
+        if second < first { second } else { first }
+    }
+
+    fn skip(&mut self, at: Instant) -> ControlFlow<()> {
+        let first = self.0.skip(at);
+        self.1.skip(at)?;
+        first
     }
 
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
@@ -154,8 +168,12 @@ impl<T: Observer> Observer for Option<T> {
         self.as_ref().is_some_and(Observer::wants_events)
     }
 
-    fn wants_anything(&self) -> bool {
-        self.as_ref().is_some_and(Observer::wants_anything)
+    fn observed_from(&self) -> Instant {
+        self.as_ref().map_or(Instant::LAST, Observer::observed_from)
+    }
+
+    fn skip(&mut self, at: Instant) -> ControlFlow<()> {
+        self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.skip(at))
     }
 
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
@@ -188,8 +206,12 @@ impl<T: Observer + ?Sized> Observer for &mut T {
         (**self).wants_events()
     }
 
-    fn wants_anything(&self) -> bool {
-        (**self).wants_anything()
+    fn observed_from(&self) -> Instant {
+        (**self).observed_from()
+    }
+
+    fn skip(&mut self, at: Instant) -> ControlFlow<()> {
+        (**self).skip(at)
     }
 
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {

@@ -127,6 +127,13 @@ pub struct Instant {
     pub phase: Wide,
 }
 
+impl Instant {
+    /// Instant before all others.
+    pub const FIRST: Self = Self { cycle: i64::MIN, phase: Wide { hi: 0.0, lo: 0.0 } };
+    /// Instant after all others.
+    pub const LAST: Self = Self { cycle: i64::MAX, phase: Wide { hi: 0.0, lo: 0.0 } };
+}
+
 /// Rounding of an instant relative to the time since the start.
 const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
 

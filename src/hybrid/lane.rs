@@ -1,3 +1,5 @@
+use std::ops::ControlFlow;
+
 use super::{GuardId, Instant, Jump, Mode};
 
 /// Guard of an impact and the motion after it.
@@ -17,6 +19,9 @@ pub struct Rebound {
 
 /// Host of a [`Lane`], which decides for it.
 pub trait LaneHost {
+    /// Receives an instant that the lane has reached; it is called once in some thousand steps. A break ends the lap.
+    fn pass(&mut self, at: Instant) -> ControlFlow<()>;
+
     /// Returns whether the exact flow of `mode` may be used.
     fn is_exact(&mut self, mode: &Mode) -> bool;
 
@@ -47,12 +52,16 @@ pub struct LanePoint<'a> {
     pub impact: Option<GuardId>,
 }
 
-/// Limits of the work of a [`Lane`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Budget {
-    /// Number of events.
+/// Limits of a [`Lane`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LaneLimits {
+    /// End of the motion.
+    pub bound: Instant,
+    /// Start of the observation. The lane stops before an arc that ends there or later.
+    pub observed: Instant,
+    /// Maximum number of events.
     pub events: u64,
-    /// Number of leaps and steps.
+    /// Maximum number of leaps and steps.
     pub steps: u64,
 }
 
@@ -93,6 +102,6 @@ pub enum LapEnd {
 
 /// A motion from event to event without observers. It has the same bits as the motion under observation.
 pub trait Lane {
-    /// Advances from `point` up to `bound`, within its `budget`, until it cannot decide the next event.
-    fn run(&mut self, point: LanePoint<'_>, bound: Instant, budget: Budget, host: &mut dyn LaneHost) -> Lap;
+    /// Advances from `point` within `limits`, until it cannot decide the next event.
+    fn run(&mut self, point: LanePoint<'_>, limits: LaneLimits, host: &mut dyn LaneHost) -> Lap;
 }

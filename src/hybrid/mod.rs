@@ -25,7 +25,7 @@ pub use flow::{
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
 #[doc(hidden)]
-pub use lane::{Budget, Lane, LaneHost, LanePoint, Lap, LapEnd, Rebound};
+pub use lane::{Lane, LaneHost, LaneLimits, LanePoint, Lap, LapEnd, Rebound};
 pub use mode::Mode;
 pub use power::{EnergyJump, PowerBalance, Powers, Transition};
 #[doc(hidden)]

@@ -288,15 +288,29 @@ impl ProgressObserver<'_> {
         self.at = at;
         self.steps = (self.steps + 1) % EVERY;
         if self.steps == 0 {
-            self.task.report(Progress::Share(self.clock.between(self.from, at) / self.span));
+            self.report();
         }
         self.task.flow()
+    }
+
+    fn report(&self) {
+        self.task.report(Progress::Share(self.clock.between(self.from, self.at) / self.span));
     }
 }
 
 impl Observer for ProgressObserver<'_> {
     fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
+    }
+
+    fn observed_from(&self) -> Instant {
+        Instant::LAST
+    }
+
+    fn skip(&mut self, at: Instant) -> ControlFlow<()> {
+        self.at = at;
+        self.report();
+        self.task.flow()
     }
 
     fn step(&mut self, _: &Mode, step: &dyn DenseStep, _: f64) -> ControlFlow<()> {

@@ -184,6 +184,14 @@ impl Observer for CancelObserver<'_> {
         false
     }
 
+    fn observed_from(&self) -> Instant {
+        Instant::LAST
+    }
+
+    fn skip(&mut self, _: Instant) -> ControlFlow<()> {
+        self.task.flow()
+    }
+
     fn step(&mut self, _: &Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
         self.task.flow()
     }

@@ -3,17 +3,16 @@
 //! An impact of momentum p at `t₀` adds `p Σ_k a_k exp(−ζ_k ω_k (t − t₀)) sin(ω_k √(1 − ζ_k²) (t − t₀))` for `t ≥ t₀`. The sum is formed sample by sample as
 //! one turning pointer for each mode, which an impact enters at its own time between two samples: no time is rounded to a sample.
 
-use std::{f64::consts::TAU, ops::ControlFlow};
+use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
 use super::{StudyError, steady::until};
 use crate::{
     analysis::{Contacts, EventLog, EventRow, Spectrum, Window},
-    engine::Observer,
     output::Fault,
     plot::{Axis, Figure, Guide, Panel, Series},
-    simulation::Simulation,
+    simulation::{CancelObserver, Simulation},
     task::Task,
 };
 
@@ -112,20 +111,11 @@ pub fn impacts(simulation: &Simulation, seconds: f64, task: Task<'_>) -> Result<
         task.flow()
     };
     let mut engine = simulation.engine(simulation.start()?)?;
-    until(&mut engine, from, &mut Listener(task), task)?;
+    until(&mut engine, from, &mut CancelObserver { task }, task)?;
     let mut log = EventLog::new(structure, Contacts::new(structure, None).keep(0), take);
     until(&mut engine, clock.advance(from, seconds), &mut log, task)?;
     drop(log);
     Ok(blows)
-}
-
-/// Observer that interrupts a run once its task is cancelled.
-struct Listener<'a>(Task<'a>);
-
-impl Observer for Listener<'_> {
-    fn event(&mut self, _: &crate::event::EventRecord) -> ControlFlow<()> {
-        self.0.flow()
-    }
 }
 
 /// Samples of a part of the spectrum, whose bins are 6 Hz apart.

@@ -6,7 +6,7 @@ use flank::{
     Simulation,
     engine::{Counters, Engine, Observer, Options, Outcome, State},
     event::EventRecord,
-    hybrid::{Budget, GuardId, HybridSystem, LaneHost, LanePoint, LapEnd, Mode, Rebound},
+    hybrid::{GuardId, HybridSystem, Instant, LaneHost, LaneLimits, LanePoint, LapEnd, Mode, Rebound},
     scene::Scene,
 };
 use serde_json::json;
@@ -177,10 +177,19 @@ fn planetary_sets_of_all_kinds_end_alike() {
     assert!(events > 10_000, "{events}");
 }
 
+/// Returns the limits of a lane up to `bound` that nobody observes.
+fn up_to(bound: Instant) -> LaneLimits {
+    LaneLimits { bound, observed: Instant::LAST, events: u64::MAX, steps: u64::MAX }
+}
+
 /// Leaves all modes to the lane, and ends no sequence.
 struct Free;
 
 impl LaneHost for Free {
+    fn pass(&mut self, _: Instant) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
     fn is_exact(&mut self, _: &Mode) -> bool {
         true
     }
@@ -221,7 +230,7 @@ fn a_lane_passes_steady_motions_by_itself() {
             arcs: before.arcs,
             impact: None,
         };
-        let lap = lane.run(point, end, Budget { events: u64::MAX, steps: u64::MAX }, &mut Free);
+        let lap = lane.run(point, up_to(end), &mut Free);
         assert_eq!((lap.end, lap.events), (LapEnd::Bound, engine.counters().events - before.events), "{name}");
     }
 }
@@ -246,9 +255,8 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
             let mut carried = Vec::new();
             let (at, x, jump, carried) = (&mut at, &mut x[..], &mut jump, &mut carried);
             let point = LanePoint { at, x, jump, carried, arcs: before.arcs, impact: None };
-            let unlimited = Budget { events: u64::MAX, steps: u64::MAX };
             assert_eq!(simulation.structure.switched(&point.jump.mode, *point.at), point.jump.mode, "{name}");
-            let lap = lane.run(point, end, unlimited, &mut Free);
+            let lap = lane.run(point, up_to(end), &mut Free);
             if lap.end == LapEnd::Bound {
                 let after = engine.counters();
                 let made = (after.events - before.events, after.fired - before.fired, after.switches - before.switches);
@@ -257,6 +265,64 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
             }
         }
         assert!(passed >= 45 && fired > 300 && switches >= 15, "{name}: {passed} cycles, {fired}, {switches}");
+    }
+}
+
+/// Looks at events from an instant on, and keeps the instants that it is passed before.
+struct Late {
+    from: Instant,
+    events: Vec<EventRecord>,
+    skipped: Vec<Instant>,
+    most: usize,
+}
+
+impl Observer for Late {
+    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
+        false
+    }
+
+    fn observed_from(&self) -> Instant {
+        self.from
+    }
+
+    fn skip(&mut self, at: Instant) -> ControlFlow<()> {
+        self.skipped.push(at);
+        if self.skipped.len() < self.most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.events.push(record.clone());
+        ControlFlow::Continue(())
+    }
+}
+
+/// An observer that looks from an instant on receives all events from there on, as one that looks from the start does. Before, it receives
+/// instants in rising order, and it may stop the run there.
+#[test]
+fn an_observer_may_begin_late() {
+    for name in ["W1a-ds", "W1c-ds", "W5b-p", "W3", "W4"] {
+        let simulation = Simulation::from_scene(scene(name)).unwrap();
+        let clock = simulation.clock();
+        let (from, end) = (clock.at(400, 0.3 * clock.period().unwrap().hi), clock.at(410, 0.0));
+        let run = |from: Instant, most: usize| {
+            let mut late = Late { from, events: Vec::new(), skipped: Vec::new(), most };
+            let mut engine = engine(&simulation, start(&simulation, 0.0), Options::default());
+            let outcome = engine.run(end, &mut late).unwrap();
+            (late, engine.state().clone(), engine.counters(), outcome)
+        };
+        let (mut early, state, counters, outcome) = run(Instant::FIRST, usize::MAX);
+        assert!(early.skipped.is_empty() && outcome == Outcome::ReachedEnd, "{name}");
+        let (mut late, late_state, late_counters, _) = run(from, usize::MAX);
+        assert_eq!((&state, counters), (&late_state, late_counters), "{name}");
+        let all = early.events.len();
+        assert!(late.events.len() < all / 2, "{name}: {} of {all}", late.events.len());
+        early.events.retain(|record| record.at >= from);
+        late.events.retain(|record| record.at >= from);
+        assert!(late.events == early.events && !late.events.is_empty(), "{name}");
+        assert!(late.skipped.is_sorted() && late.skipped.iter().all(|at| *at < from), "{name}");
+        let (late, state, _, outcome) = run(from, 2);
+        assert!(outcome == Outcome::StoppedByObserver && late.skipped.len() == 2, "{name}: {outcome:?}");
+        assert!(state.at <= late.skipped[1], "{name}");
     }
 }
 

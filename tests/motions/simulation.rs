@@ -305,8 +305,8 @@ fn a_transient_that_nobody_reads_changes_nothing() {
         let path = format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR"));
         let set = |pointer: &str, value: u64, scene: Scene| scene.with(pointer, value.into()).unwrap();
         let scene = Scene::from_file(path).unwrap();
-        let scene = set("/run/cycles", 12, set("/run/transient_cycles", 0, scene));
-        let scene = set("/run/transient_cycles", 7, scene);
+        let scene = set("/run/cycles", 80, set("/run/transient_cycles", 0, scene));
+        let scene = set("/run/transient_cycles", 70, scene);
         let simulation = Simulation::from_scene(scene).unwrap();
         let run = |log: bool| {
             let mut job = simulation.job();

@@ -3,6 +3,8 @@
 //! The results equal those of the engine with the same leaps, to the last bit. A lane makes no record and shows no step. If a leap is not
 //! decided, if numbers do not agree, or if a contact comes to rest, the lane stops, and an engine continues.
 
+use std::ops::ControlFlow;
+
 use super::{
     AGREED, Ways,
     formed::WORTH,
@@ -14,7 +16,7 @@ use super::{
 use crate::{
     gear::contact::Law,
     hybrid::{
-        self, Budget, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, LeapCounts, Mode,
+        self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LaneLimits, LanePoint, Lap, LapEnd, LeapCounts, Mode,
         Rebound,
     },
     kernel::ROUNDING,
@@ -22,6 +24,8 @@ use crate::{
     vectors::{Path, Work},
 };
 
+/// Steps of a lane between two instants that it passes to its host.
+pub(super) const PASSED: u64 = 1024;
 /// Maximum number of events of a cycle; more occur only if impacts come to rest.
 const MOST_EVENTS: u64 = 256;
 /// Maximum number of steps of a cycle; beyond, the engine continues with the budget of the run.
@@ -128,6 +132,10 @@ pub(crate) struct Lane<'s> {
 struct NoHost;
 
 impl LaneHost for NoHost {
+    fn pass(&mut self, _: Instant) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
     fn is_exact(&mut self, _: &Mode) -> bool {
         true
     }
@@ -250,8 +258,7 @@ impl<'s> Lane<'s> {
         let bound = self.structure.clock.at(self.state.at.cycle + 1, 0.0);
         let run = LaneRun {
             lane: self,
-            bound,
-            budget: Budget { events: MOST_EVENTS, steps: MOST_STEPS },
+            limits: LaneLimits { bound, observed: Instant::LAST, events: MOST_EVENTS, steps: MOST_STEPS },
             records,
             host: &mut NoHost,
             arcs: WORTH,
@@ -326,11 +333,11 @@ impl<'s> Lane<'s> {
 }
 
 impl hybrid::Lane for Lane<'_> {
-    fn run(&mut self, point: LanePoint<'_>, bound: Instant, budget: Budget, host: &mut dyn LaneHost) -> Lap {
+    fn run(&mut self, point: LanePoint<'_>, limits: LaneLimits, host: &mut dyn LaneHost) -> Lap {
         let LanePoint { at, x, jump, carried, arcs, impact } = point;
         self.enter(*at, [x[0], x[1]], jump, carried.first().copied().unwrap_or(f64::NAN), host);
         let records = &mut LaneRecords::default();
-        let run = LaneRun { lane: self, bound, budget, records, host, arcs, impact, returns: true };
+        let run = LaneRun { lane: self, limits, records, host, arcs, impact, returns: true };
         let lap = run.lane.structure.instructions.run(run);
         if lap != Lap::default() {
             (*at, *jump) = (self.state.at, self.jump());
@@ -355,8 +362,7 @@ impl Structure {
 /// Run of a lane up to a bound, as work for a set of instructions.
 struct LaneRun<'a, 's> {
     lane: &'a mut Lane<'s>,
-    bound: Instant,
-    budget: Budget,
+    limits: LaneLimits,
     records: &'a mut LaneRecords,
     host: &'a mut dyn LaneHost,
     /// Number of arcs that the run has made.
@@ -372,8 +378,9 @@ impl Work for LaneRun<'_, '_> {
 
     #[inline(always)]
     fn on<P: Path>(self, path: P) -> Lap {
-        let Self { lane, bound, budget, records, host, arcs, mut impact, returns } = self;
+        let Self { lane, limits, records, host, arcs, mut impact, returns } = self;
         let (s, clock) = (lane.structure, lane.structure.clock);
+        let LaneLimits { bound, observed, events, steps } = limits;
         let mut lap = Lap::default();
         // Start of the last arc of which something was decided, and the work done up to it.
         let (mut last, mut done) = (lane.state, Lap::default());
@@ -394,11 +401,7 @@ impl Work for LaneRun<'_, '_> {
                 if span <= 0.0 && switch.is_none() {
                     return Lap { end: LapEnd::Bound, ..lap };
                 }
-                if span <= 0.0
-                    || leaps == MOST_LEAPS
-                    || lap.steps >= budget.steps
-                    || leaps == 0 && lap.events == budget.events
-                {
+                if span <= 0.0 || leaps == MOST_LEAPS || lap.steps >= steps || leaps == 0 && lap.events == events {
                     break 'arcs;
                 }
                 let bound_by = Bound { span, is_switch: switch.is_some() };
@@ -425,6 +428,10 @@ impl Work for LaneRun<'_, '_> {
                     state.at = switch.unwrap_or(bound);
                 } else {
                     clock.pass(&mut state.at, leap.time);
+                }
+                let is_left = state.at >= observed;
+                if is_left || lap.steps % PASSED == 0 && host.pass(state.at).is_break() {
+                    break 'arcs;
                 }
                 (state.x, state.zeros, state.carried) = (leap.x, [false; 3], leap.carried);
                 lane.turn();

@@ -11,12 +11,13 @@ use super::{
     AGREED, Ways,
     bare::{BareStep, FlankEnds},
     formed::{FEW_FREEDOMS, propagates},
+    lane::PASSED,
     leap::MOST_LEAPS,
 };
 use crate::{
     gear::contact::Law,
     hybrid::{
-        self, Budget, FULL_PRECISION, GuardSet, GuardValue, HybridSystem, Instant, JetRequest, Jump, LaneHost,
+        self, FULL_PRECISION, GuardSet, GuardValue, HybridSystem, Instant, JetRequest, Jump, LaneHost, LaneLimits,
         LanePoint, Lap, LapEnd, Leap, LeapCounts, Mode, are_finite,
     },
     kernel::{
@@ -298,7 +299,7 @@ impl<'s> LinearLane<'s> {
 }
 
 impl hybrid::Lane for LinearLane<'_> {
-    fn run(&mut self, mut point: LanePoint<'_>, bound: Instant, budget: Budget, host: &mut dyn LaneHost) -> Lap {
+    fn run(&mut self, mut point: LanePoint<'_>, limits: LaneLimits, host: &mut dyn LaneHost) -> Lap {
         let (s, mode) = (self.structure, &point.jump.mode);
         self.ends.clear();
         self.rounding.clear();
@@ -313,7 +314,7 @@ impl hybrid::Lane for LinearLane<'_> {
             self.modes.clear();
             self.indices.clear();
         }
-        let lap = s.instructions.run(LinearRun { lane: self, point: &mut point, bound, budget, host });
+        let lap = s.instructions.run(LinearRun { lane: self, point: &mut point, limits, host });
         self.report(host);
         lap
     }
@@ -323,8 +324,7 @@ impl hybrid::Lane for LinearLane<'_> {
 struct LinearRun<'a, 'p, 's> {
     lane: &'a mut LinearLane<'s>,
     point: &'a mut LanePoint<'p>,
-    bound: Instant,
-    budget: Budget,
+    limits: LaneLimits,
     host: &'a mut dyn LaneHost,
 }
 
@@ -333,7 +333,7 @@ impl Work for LinearRun<'_, '_, '_> {
 
     #[inline(always)]
     fn on<P: Path>(self, path: P) -> Lap {
-        let Self { lane, point, bound, budget, host } = self;
+        let Self { lane, point, limits: LaneLimits { bound, observed, events, steps }, host } = self;
         let (s, clock) = (lane.structure, lane.structure.clock);
         // Work done, and that up to the start of the last arc of which something was decided.
         let (mut lap, mut done) = (Lap::default(), Lap::default());
@@ -345,7 +345,7 @@ impl Work for LinearRun<'_, '_, '_> {
             let (mut count, mut by_series) = (0, false);
             loop {
                 let (at, span) = (*point.at, clock.between(*point.at, until));
-                let is_spent = lap.steps >= budget.steps || count == 0 && lap.events >= budget.events;
+                let is_spent = lap.steps >= steps || count == 0 && lap.events >= events;
                 let request = JetRequest {
                     at,
                     x: point.x,
@@ -390,6 +390,9 @@ impl Work for LinearRun<'_, '_, '_> {
                     lap.splits += lane.step.splits;
                 }
                 *point.at = if is_bound { until } else { clock.advance(at, time) };
+                if *point.at >= observed || lap.steps % PASSED == 0 && host.pass(*point.at).is_break() {
+                    break 'arcs;
+                }
                 point.x.copy_from_slice(&lane.leap.x);
                 std::mem::swap(point.carried, &mut lane.leap.carried);
                 point.jump.pinned = GuardSet::default();
