@@ -5,6 +5,7 @@
 //! cargo bench --bench observers -- W4 contacts               # one run with one measure, for a count of instructions
 //! ```
 //!
+//! Without measures a train that has a lane runs in it (`docs/EVENTS.md`, 41).
 //! `transient` is a job that measures nothing but its last cycle, `run` a job that measures all cycles and receives a row of each event.
 //!
 //! Every scene is run once per round with each measure, in turn, so that a disturbance of the machine affects all of them. The table holds

@@ -11,7 +11,6 @@ use crate::{
         Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, SampleObserver,
     },
     engine::Engine,
-    gear::contact::Law,
     integrate::{Choice, IntegrateError},
     system::{ContactSpec, Structure},
 };
@@ -157,7 +156,7 @@ impl Contender {
     /// Returns whether it can solve a train: adaptive solvers need the feature `diffsol`, and exclude rigid contacts.
     #[must_use]
     pub fn applies_to(&self, structure: &Structure) -> bool {
-        let is_rigid = |c: &ContactSpec| matches!(c.law, Law::Rigid(_));
+        let is_rigid = |c: &ContactSpec| c.law.is_rigid();
         match self.kind {
             SolverKind::Adaptive(_) => cfg!(feature = "diffsol") && !structure.spec().contacts.iter().any(is_rigid),
             SolverKind::Engine(Choice::Explicit | Choice::Sdirk | Choice::Bdf) => cfg!(feature = "diffsol"),

@@ -5,10 +5,7 @@ use serde::Serialize;
 use super::{Contender, SolverKind};
 use crate::{
     baseline::{Interpolation, Ramp},
-    gear::{
-        Stiffness,
-        contact::{Law, Release},
-    },
+    gear::Stiffness,
     system::{ContactSpec, Structure},
 };
 
@@ -51,16 +48,14 @@ impl Roughness {
         let of_loads = structure.spec().load_schedules.iter().any(|l| has_steps(&l.factor));
         let contacts = structure.spec().contacts.iter().map(|c| {
             let steps = of_loads || has_steps(&c.stiffness);
-            match c.law {
-                Law::Rigid(_) => Self::Impact,
-                _ if steps => Self::Jump,
+            match c.law.power() {
+                _ if c.law.is_rigid() => Self::Impact,
                 // Released by force, the force of a damper is still not zero where contact begins.
-                Law::KelvinVoigt(l, Release::Deflection | Release::Force) if l.damping > 0.0 => Self::Jump,
-                Law::KelvinVoigt(..) => Self::Kink,
-                Law::Power(l) if l.hysteresis > 0.0 => Self::Latch,
-                Law::Power(l) if l.exponent.value() <= 1.0 => Self::Kink,
-                Law::Power(_) => Self::Smooth,
-                Law::Bilateral(_) => Self::Closed,
+                _ if steps || c.law.jump_damping() > 0.0 => Self::Jump,
+                _ if c.law.is_bilateral() => Self::Closed,
+                Some(l) if l.hysteresis > 0.0 => Self::Latch,
+                Some(l) if l.exponent.value() > 1.0 => Self::Smooth,
+                _ => Self::Kink,
             }
         });
         contacts.min().unwrap_or(Self::Closed)
@@ -75,8 +70,7 @@ impl Roughness {
             Self::Kink => (2.0, "the force has a kink inside steps"),
             Self::Closed => (f64::INFINITY, ""),
             Self::Smooth => {
-                let exponent =
-                    |c: &ContactSpec| if let Law::Power(l) = c.law { l.exponent.value() } else { f64::INFINITY };
+                let exponent = |c: &ContactSpec| c.law.power().map_or(f64::INFINITY, |l| l.exponent.value());
                 let lowest = structure.spec().contacts.iter().map(exponent).fold(f64::INFINITY, f64::min);
                 // A step that straddles a start is wrong by its length times the force it missed, h · hⁿ.
                 (1.0 + lowest, "the force of a power law is smooth to its exponent n and no further")

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{
     extent::Extent,
-    piece::{Piece, Polynomial, is_measured, measured_parts},
+    piece::{Piece, Polynomial, measured_parts},
     report::{BearingForce, BearingReport},
     sum::Sum,
     track::Spread,
@@ -120,10 +120,6 @@ impl<'s> Bearings<'s> {
 }
 
 impl Observer for Bearings<'_> {
-    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
-        !self.tracks.is_empty() && is_measured(&self.clock, self.from, until)
-    }
-
     fn observed_from(&self) -> Instant {
         if self.tracks.is_empty() { Instant::LAST } else { self.from.unwrap_or(Instant::FIRST) }
     }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::{
     episode::{Blows, Episode, Moment, OpenEpisode, Separation, flank},
     extent::Extent,
-    piece::{Piece, Polynomial, is_measured, measured_parts},
+    piece::{Piece, Polynomial, measured_parts},
     report::ContactReport,
     sum::Sum,
     track::Track,
@@ -296,10 +296,6 @@ pub(super) fn side_at<S: ContactView + ?Sized>(system: &S, j: usize, record: &Ev
 }
 
 impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
-    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
-        !self.skips || is_measured(&self.clock, self.from, until)
-    }
-
     fn observed_from(&self) -> Instant {
         self.from.filter(|_| self.skips).unwrap_or(Instant::FIRST)
     }

@@ -248,10 +248,6 @@ fn start(record: &EventRecord, on_flank: bool) -> Option<EventKind> {
 }
 
 impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<()>> Observer for EventLog<'_, S, F> {
-    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
-        self.contacts.wants_steps(mode, until)
-    }
-
     fn observed_from(&self) -> Instant {
         if self.is_silent { self.contacts.observed_from() } else { Instant::FIRST }
     }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use serde::Serialize;
 
 use super::{
-    piece::{Piece, is_measured, measured_parts},
+    piece::{Piece, measured_parts},
     sum::Sum,
 };
 use crate::{
@@ -208,10 +208,6 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
 }
 
 impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
-    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
-        is_measured(&self.clock, self.from, until)
-    }
-
     fn observed_from(&self) -> Instant {
         self.from.unwrap_or(Instant::FIRST)
     }

@@ -148,11 +148,6 @@ impl Piece {
     }
 }
 
-/// Returns whether motion that ends at `until` has a part in the measured time.
-pub(super) fn is_measured(clock: &Clock, from: Option<Instant>, until: Instant) -> bool {
-    from.is_none_or(|from| clock.between(from, until) > 0.0)
-}
-
 /// Returns the parts of a step up to `until`, cut where the measured time begins: low end, high end, and whether they are measured.
 pub(super) fn measured_parts(
     clock: &Clock,

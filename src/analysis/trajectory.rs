@@ -118,10 +118,6 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
 }
 
 impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Observer for Trajectory<F> {
-    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
-        self.due().is_some_and(|at| self.clock.between(at, until) >= 0.0)
-    }
-
     fn observed_from(&self) -> Instant {
         self.due().unwrap_or(Instant::LAST)
     }

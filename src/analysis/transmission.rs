@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{
     extent::Extent,
-    piece::{Piece, Polynomial, is_measured, measured_parts},
+    piece::{Piece, Polynomial, measured_parts},
     quadrature::Quadrature,
     sum::Sum,
 };
@@ -211,10 +211,6 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
 }
 
 impl<S: HybridSystem + ContactView + ?Sized> Observer for TransmissionError<'_, S> {
-    fn wants_steps(&self, _: &Mode, until: Instant) -> bool {
-        is_measured(&self.clock, self.from, until)
-    }
-
     fn observed_from(&self) -> Instant {
         self.from.unwrap_or(Instant::FIRST)
     }

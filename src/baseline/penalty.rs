@@ -48,7 +48,7 @@ impl Contact {
     }
 
     pub fn is_rigid(&self) -> bool {
-        matches!(self.law, Law::Rigid(_))
+        self.law.is_rigid()
     }
 
     /// Stores the approach speed at the end of a step, with penetration `p` on the flank of `side` and the rate `r` of the deflection.
@@ -267,7 +267,7 @@ impl Penalty {
     /// Returns the point with coordinates `q` and velocities `v`, `[n]` each, at an instant, in the state of a run that starts there.
     #[must_use]
     pub fn point(&self, at: Instant, q: &[f64], v: &[f64]) -> StepPoint {
-        let initial = |c: &Contact| if let Law::Power(l) = c.law { l.initial_speed } else { 0.0 };
+        let initial = |c: &Contact| c.law.power().map_or(0.0, |l| l.initial_speed);
         let contacts = self.contacts.iter().map(|c| Touch { latch: initial(c), ..Touch::default() }).collect();
         let mut point = StepPoint { q: q.to_vec(), v: v.to_vec(), contacts, moment: self.moment() };
         Forcing::new(self, at, 0.0).moment(self, &mut point.moment);

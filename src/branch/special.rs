@@ -11,7 +11,6 @@ use super::{
     node::{Guess, Node, Plane, Seed, Solver, Spot},
 };
 use crate::{
-    gear::contact::Law,
     hybrid::Watch,
     orbit::{MARGINAL, Section},
     task::Task,
@@ -332,9 +331,9 @@ impl Solver<'_> {
     pub(super) fn kind_of(&self, node: &Node, contact: usize, watch: Watch, is_closed: bool) -> SpecialKind {
         let law = self.family.train(node.place()).ok().map(|s| s.structure.spec().contacts[contact].law);
         match law {
-            Some(Law::Rigid(_)) if is_closed => SpecialKind::Stick,
-            Some(Law::Rigid(_)) => SpecialKind::GrazingRigid,
-            Some(Law::KelvinVoigt(l, _)) if l.damping > 0.0 => SpecialKind::GrazingDamped,
+            Some(law) if law.is_rigid() && is_closed => SpecialKind::Stick,
+            Some(law) if law.is_rigid() => SpecialKind::GrazingRigid,
+            Some(law) if law.jump_damping() > 0.0 => SpecialKind::GrazingDamped,
             _ if watch == Watch::Force => SpecialKind::GrazingDamped,
             _ => SpecialKind::GrazingSoft,
         }

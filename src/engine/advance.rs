@@ -9,12 +9,9 @@ use super::{
     visit::{ArcEnd, ArcSpan, Arrival, Core, StepsBeforeRepeat},
 };
 use crate::{
-    hybrid::{FULL_PRECISION, GuardSet, HybridSystem, Instant, JetField, Lane, Mode},
+    hybrid::{FULL_PRECISION, GuardSet, HybridSystem, Instant, JetField, Lane, MOST_MODES, Mode},
     integrate::{Arc, EarlierSteps, Integrator},
 };
-
-/// Maximum number of motions kept: some kilobytes each, and more modes than most trains revisit.
-const MAX_MOTIONS: usize = 1024;
 
 /// Maximum number of consecutive arcs of zero duration: more than an instant has jumps.
 const MAX_STILL: u32 = 10_000;
@@ -176,7 +173,7 @@ impl<'s> Engine<'s> {
     fn arc(&mut self, bound: Instant, arrival: Arrival, observer: &mut dyn Observer) -> Result<ArcEnd, EngineError> {
         let Self { integrator, point, motions, kept, leaps, end: [end, end_low], core, .. } = self;
         let mode = &point.state.jump.mode;
-        if *kept >= MAX_MOTIONS && motions.get(mode).is_none_or(|met| met.known.is_none()) {
+        if *kept >= MOST_MODES && motions.get(mode).is_none_or(|met| met.known.is_none()) {
             motions.values_mut().for_each(|met| met.known = None);
             *kept = 0;
         }

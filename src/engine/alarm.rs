@@ -14,20 +14,16 @@
 use super::EngineError;
 use crate::{
     event::Located,
-    hybrid::{GuardId, GuardSet, GuardValue, HybridSystem, Instant, Leap, Mode, Passage},
+    hybrid::{AGREED, GATHERED, GuardId, GuardSet, GuardValue, HybridSystem, Instant, Leap, Mode, Passage},
     integrate::DenseStep,
     poly,
 };
 
-/// Factor on the bound by which two values of one row may differ: each is off by the bound, and both gather rounding over an arc.
-const APART: f64 = 10.0;
 /// Rounding of a polynomial relative to the sum of its terms: twice the unit roundoff for each of 25 terms, and the conversion.
 const TERMS: f64 = 1e-14;
 /// Factor on the bound by which a state may be moved onto a flank. The distance to the flank is a difference of displacements. These have
 /// gathered rounding over many arcs since they were last moved onto it.
 const MOVED: f64 = 10.0;
-/// Factor on the rounding of one value that both values may have gathered.
-const GATHERED: f64 = 2.0;
 
 /// Largest rounding and kind of one guard.
 #[derive(Clone, Copy, Debug)]
@@ -74,7 +70,7 @@ fn raise(
 
 /// Returns the limit if `amount` is above it. The expensive part `added` is computed only where `bound` does not decide.
 fn exceeded(amount: f64, bound: f64, added: impl FnOnce(f64) -> f64) -> Option<f64> {
-    (amount > APART * bound).then(|| APART * added(bound)).filter(|limit| amount > *limit)
+    (amount > AGREED * bound).then(|| AGREED * added(bound)).filter(|limit| amount > *limit)
 }
 
 impl Alarm {
@@ -206,7 +202,7 @@ impl Alarm {
         let limit = MOVED * passage.error + GATHERED * rounding + self.waited;
         self.move_limit = self.length().map_or(f64::INFINITY, |length| (GATHERED * length).max(limit));
         let amount = (passage.residual - system.guard(mode, passage.guard, at, x)).abs();
-        let limit = APART * (passage.error + rounding + gathered);
+        let limit = AGREED * (passage.error + rounding + gathered);
         if amount > limit {
             let what = "the series and the state differ at an event";
             return Err(raise(system, at, passage.guard, what, amount, limit));
@@ -219,7 +215,7 @@ impl Alarm {
         let ends = std::mem::take(&mut self.ends);
         for &(id, value, error) in &ends {
             let amount = (system.guard(&self.mode, id, at, x) - value).abs();
-            let limit = APART * (error + self.largest_rounding(id) + TERMS * value.abs());
+            let limit = AGREED * (error + self.largest_rounding(id) + TERMS * value.abs());
             if amount > limit {
                 return Err(raise(system, at, id, "the series and the state differ at the end", amount, limit));
             }

@@ -28,12 +28,13 @@ pub struct JumpRecord<'a> {
 
 /// Watches a run. Every method that returns a [`ControlFlow`] may stop it; the run then ends with an outcome, not an error.
 pub trait Observer {
-    /// Returns whether the observer looks at steps in `mode` that end at `until`. If not, the run omits the steps that it can, and passes a
-    /// [`leap`](Self::leap) in their place. The motion is the same, bit for bit. Steps that the run does not omit are passed in any case. An
-    /// observer that wants steps up to an instant wants those up to later ones too, as long as it receives nothing.
+    /// Returns whether the observer looks at steps in `mode` that end at `until`, by default from [`observed_from`](Self::observed_from) on. If not,
+    /// the run omits the steps that it can, and passes a [`leap`](Self::leap) in their place. The motion is the same, bit for bit. Steps that the run
+    /// does not omit are passed in any case. An observer that wants steps up to an instant wants those up to later ones too, as long as it receives
+    /// nothing.
     fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
-        let _ = (mode, until);
-        true
+        let _ = mode;
+        until >= self.observed_from()
     }
 
     /// Returns whether the observer looks at events. If not, the run does not fill in their records.
@@ -84,10 +85,6 @@ pub trait Observer {
 
 /// Watches nothing.
 impl Observer for () {
-    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
-        false
-    }
-
     fn wants_events(&self) -> bool {
         false
     }

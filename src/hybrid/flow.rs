@@ -6,6 +6,13 @@ pub(crate) const ARRIVED: f64 = 8.0 * f64::EPSILON;
 
 /// Truncation at full precision, relative to the size of the rates: half a unit in the last place.
 pub const FULL_PRECISION: f64 = 1e-16;
+/// Factor on a bound by which two values may differ that are known in two ways: each is off by the bound, and both gather rounding over an
+/// arc.
+pub const AGREED: f64 = 10.0;
+/// Factor on the rounding of one value that both values may have gathered.
+pub const GATHERED: f64 = 2.0;
+/// Maximum number of modes whose motions a run keeps: some kilobytes each, and more modes than most trains visit again.
+pub const MOST_MODES: usize = 1024;
 
 /// Truncation of step number `count` of an arc that may leave out `tolerance`. An error of velocity displaces the bodies until the end of
 /// the arc. The squares keep the sum below 1.7 tolerances for any number of steps.

@@ -15,7 +15,7 @@ mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
 pub use flow::VectorField;
-pub(crate) use flow::{ARRIVED, are_finite, normalise};
+pub(crate) use flow::{AGREED, ARRIVED, GATHERED, MOST_MODES, are_finite, normalise};
 // Data between the engine and the series of a train: public for the traits that name them, without a promise.
 #[doc(hidden)]
 pub use flow::{

@@ -15,7 +15,6 @@ use super::{
 };
 use crate::{
     engine::{Engine, Observer, State},
-    gear::contact::Law,
     simulation::SimulationError,
     task::Task,
 };
@@ -455,9 +454,8 @@ impl SectionMap<'_> {
     /// Returns whether areas shrink from cycle to cycle in a plane of sections. The area inside a torus does not, so there is none.
     fn shrinks(&self) -> bool {
         let spec = self.simulation().structure.spec();
-        let is_damped = |law: &Law| matches!(law, Law::KelvinVoigt(law, _) if law.damping > 0.0);
         let is_plane = spec.freedoms.len() == 1 && spec.contacts.len() == 1;
-        is_plane && (spec.damping[(0, 0)] > 0.0 || is_damped(&spec.contacts[0].law))
+        is_plane && (spec.damping[(0, 0)] > 0.0 || spec.contacts[0].law.jump_damping() > 0.0)
     }
 
     /// Smooth functions of the state that no drift changes: sums of deflections, of spring forces, and of the rates of both.

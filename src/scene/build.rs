@@ -12,7 +12,7 @@ use super::{
     wall,
 };
 use crate::{
-    gear::{Harmonic, contact::Law},
+    gear::Harmonic,
     system::{AssembleError, ContactSpec, Spec},
     train::TrainError,
 };
@@ -113,11 +113,6 @@ fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
 
 /// Returns the name of a product of numbers of a scene that has overflowed, if any.
 fn first_overflow(spec: &Spec) -> Option<String> {
-    let law = |law: &Law| match law {
-        Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping,
-        Law::Power(power) => power.hysteresis,
-        Law::Rigid(rigid) => rigid.restitution.at(0.0),
-    };
     let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
     let structure = [&spec.mass, &spec.damping, &spec.stiffness].iter().all(|matrix| finite(matrix.as_slice()));
     let loads = finite(&spec.load)
@@ -125,7 +120,7 @@ fn first_overflow(spec: &Spec) -> Option<String> {
         && spec.load_schedules.iter().all(|load| finite(&load.vector) && load.factor.maximum().is_finite());
     let broken = |c: &&ContactSpec| {
         let stiffness: Vec<f64> = c.schedules().flat_map(|k| [k.maximum(), k.mean()]).collect();
-        let stiffness = [stiffness, vec![law(&c.law), c.half_backlash, c.gap_damping]].concat();
+        let stiffness = [stiffness, vec![c.law.loss().unwrap_or(0.0), c.half_backlash, c.gap_damping]].concat();
         let error = |h: &Harmonic| h.amplitude.is_finite() && h.phase.is_finite() && h.omega.is_finite();
         !finite(&stiffness) || !finite(&c.direction) || !c.errors().flatten().all(error)
     };

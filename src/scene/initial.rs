@@ -1,10 +1,7 @@
 //! State at the start of a run.
 
 use super::node::Node;
-use crate::{
-    gear::contact::Law,
-    system::{Flanks, Spec, pressed, quasi_static},
-};
+use crate::system::{Flanks, Spec, pressed, quasi_static};
 
 /// State of a start beyond coordinates and velocities.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -48,7 +45,7 @@ fn read_memory(node: &Node, spec: &Spec) -> Memory {
     if let Some(latched) = node.at("latched").written() {
         for (name, entry) in latched.entries() {
             let Some(j) = contact(name, &entry) else { continue };
-            if !matches!(spec.contacts[j].law, Law::Power(law) if law.hysteresis > 0.0) {
+            if !spec.contacts[j].law.is_latched() {
                 entry.refuse("a contact whose law has hysteresis", "leave the contact out");
             }
             let speed = entry.number();

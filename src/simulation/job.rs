@@ -299,10 +299,6 @@ impl ProgressObserver<'_> {
 }
 
 impl Observer for ProgressObserver<'_> {
-    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
-        false
-    }
-
     fn observed_from(&self) -> Instant {
         Instant::LAST
     }

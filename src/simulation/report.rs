@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use super::Simulation;
 use crate::{
-    gear::contact::{Law, Release},
     hybrid::ContactView,
     linalg::multiplicities,
     output::{Table, five_digits as number},
@@ -232,23 +231,20 @@ impl Simulation {
 
 /// Returns law, modes and guards of a contact, in words.
 fn automaton(contact: &ContactSpec) -> (&'static str, String, String) {
-    let (law, can_detach) = match contact.law {
-        Law::Bilateral(_) => return ("bilateral", "closed".to_owned(), "none".to_owned()),
-        Law::KelvinVoigt(l, Release::Force) if l.damping > 0.0 => ("linear, never pulls", true),
-        Law::KelvinVoigt(..) => ("linear", false),
-        Law::Power(l) if l.hysteresis > 0.0 => ("power, hysteresis", true),
-        Law::Power(_) => ("power", false),
-        Law::Rigid(_) => ("rigid", false),
-    };
+    let law = contact.law.words();
+    if contact.law.is_bilateral() {
+        return (law, "closed".to_owned(), "none".to_owned());
+    }
+    let can_detach = contact.law.release_damping().is_some() || contact.law.is_latched();
     let (sides, flanks) =
         if contact.flanks == Flanks::Both { ("drive, back", "delta = ±b") } else { ("drive", "delta = b") };
-    match contact.law {
-        Law::Rigid(_) => {
-            let where_to = if contact.flanks == Flanks::Both { "resting on either flank" } else { "resting" };
-            (law, format!("separated, {where_to}"), format!("{flanks}; F = 0"))
-        }
-        _ if can_detach => (law, format!("separated, {sides}, detached"), format!("{flanks}; F = 0")),
-        _ => (law, format!("separated, {sides}"), flanks.to_owned()),
+    if contact.law.is_rigid() {
+        let where_to = if contact.flanks == Flanks::Both { "resting on either flank" } else { "resting" };
+        return (law, format!("separated, {where_to}"), format!("{flanks}; F = 0"));
+    }
+    match can_detach {
+        true => (law, format!("separated, {sides}, detached"), format!("{flanks}; F = 0")),
+        false => (law, format!("separated, {sides}"), flanks.to_owned()),
     }
 }
 

@@ -176,10 +176,6 @@ pub(crate) struct CancelObserver<'a> {
 }
 
 impl Observer for CancelObserver<'_> {
-    fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
-        false
-    }
-
     fn wants_events(&self) -> bool {
         false
     }

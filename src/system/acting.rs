@@ -9,7 +9,7 @@ use super::{
     schedule::Schedule,
 };
 use crate::{
-    gear::contact::{Law, PowerLaw, Release},
+    gear::contact::{Law, PowerLaw},
     hybrid::{Instant, Mode},
 };
 
@@ -247,8 +247,10 @@ impl Structure {
         match c.spec.law {
             Law::Bilateral(_) => &[],
             // The force reaches zero no later than the deflection does.
-            Law::KelvinVoigt(..) if state.is_closed() && c.release_damping().is_some() => &[(Watch::Force, 1.0)],
-            Law::KelvinVoigt(..) => watches(state, c.release_damping().is_some(), c.has_back()),
+            Law::KelvinVoigt(..) if state.is_closed() && c.spec.law.release_damping().is_some() => {
+                &[(Watch::Force, 1.0)]
+            }
+            Law::KelvinVoigt(..) => watches(state, c.spec.law.release_damping().is_some(), c.has_back()),
             Law::Power(_) => watches(state, c.latch.is_some(), c.has_back()),
             Law::Rigid(_) if state.is_closed() => &[(Watch::Force, 1.0)],
             // Held on its flank by other contacts.
@@ -259,15 +261,6 @@ impl Structure {
 }
 
 impl Contact {
-    /// Returns the damping of a contact that releases at zero force, N s/m. Without damping, `F = k p` is zero on the flank, and everywhere
-    /// if k is zero: the deflection is watched, which determines the flank in both cases.
-    pub(crate) fn release_damping(&self) -> Option<f64> {
-        match self.spec.law {
-            Law::KelvinVoigt(l, Release::Force) if l.damping > 0.0 => Some(l.damping),
-            _ => None,
-        }
-    }
-
     /// Returns the stiffness in piece `number` of its schedule.
     fn elasticity(&self, number: u32) -> Elasticity {
         match &self.spring {

@@ -269,7 +269,7 @@ impl Structure {
             let push: Vec<f64> = wide.iter().map(|p| p.value()).collect();
             let mobility = along(&sparse(&c.direction), &wide);
             let error: Vec<Wave> = c.error.iter().map(|h| wave(h, 1.0)).collect();
-            let latch = matches!(c.law, Law::Power(l) if l.hysteresis > 0.0).then(|| {
+            let latch = c.law.is_latched().then(|| {
                 dim += 1;
                 dim - 1
             });

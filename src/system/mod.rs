@@ -47,4 +47,3 @@ pub use tangent::{Columns, Saltation};
 pub(crate) use tangent::{Eight, Gradient, LANES, Lanes};
 pub(crate) use variation::Evaluation;
 pub use variation::Variation;
-pub use view::damped_restitution;

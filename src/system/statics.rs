@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::{ContactSpec, Flanks, Spec, spec::sum_at};
 use crate::{
-    gear::contact::{Law, PowerLaw},
+    gear::contact::PowerLaw,
     linalg::{EigenError, Modes, natural_modes},
 };
 
@@ -81,11 +81,10 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
     let mut penetrations = Vec::with_capacity(spec.contacts.len());
     for contact in &spec.contacts {
         // From above, Newton's method descends on a convex force without overshooting.
-        penetrations.push(match contact.law {
-            Law::Rigid(_) => return Err(EquilibriumError::Rigid { contact: contact.name.clone() }),
-            Law::Power(law) => loaded(contact, law, scale),
-            Law::Bilateral(_) | Law::KelvinVoigt(..) => 0.0,
-        });
+        if contact.law.is_rigid() {
+            return Err(EquilibriumError::Rigid { contact: contact.name.clone() });
+        }
+        penetrations.push(contact.law.power().map_or(0.0, |law| loaded(contact, law, scale)));
     }
     let directions: Vec<_> = spec.contacts.iter().map(|c| DVector::from_column_slice(&c.direction)).collect();
     if let Some(position) = unloaded(spec, &directions).filter(|_| scale == 0.0) {
@@ -199,13 +198,7 @@ pub fn quasi_static(spec: &Spec, t: f64) -> Result<(Equilibrium, Vec<bool>, Vec<
 /// F^{1−1/n}` of a power law under the force F (0 if nothing presses on it).
 #[must_use]
 pub fn tangent_stiffness(spec: &Spec, at: &Equilibrium) -> Vec<f64> {
-    let tangent = |(contact, force): (&ContactSpec, &f64)| match contact.law {
-        Law::Power(law) => {
-            let n = law.exponent.value();
-            n * libm::pow(contact.stiffness.mean(), n.recip()) * libm::pow(force.abs(), 1.0 - n.recip())
-        }
-        _ => contact.stiffness.mean(),
-    };
+    let tangent = |(c, force): (&ContactSpec, &f64)| c.law.slope(c.stiffness.mean(), *force);
     spec.contacts.iter().zip(&at.forces).map(tangent).collect()
 }
 
@@ -236,14 +229,14 @@ fn loaded(contact: &ContactSpec, law: PowerLaw, load: f64) -> f64 {
 /// law is replaced by that of a chord: below a millionth of the penetration under the whole load, or everywhere without load.
 fn force(contact: &ContactSpec, p: f64, load: f64) -> [f64; 2] {
     let k = contact.stiffness.mean();
-    match contact.law {
-        Law::Power(law) if load > 0.0 => {
+    match contact.law.power().filter(|_| load > 0.0) {
+        Some(law) => {
             let n = law.exponent.value();
             let least = 1.0e-6 * loaded(contact, law, load);
             let chord = k * libm::pow(p.abs().max(least), n - 1.0);
             [chord * p, if p.abs() < least { chord } else { n * chord }]
         }
-        _ => [k * p, k],
+        None => [k * p, k],
     }
 }
 

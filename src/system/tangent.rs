@@ -353,18 +353,16 @@ impl Structure {
             let (j, watch) = guard_of(id);
             let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
             let c = &self.contacts[j];
-            match c.spec.law {
-                // The damping force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`; the speed cancels.
-                Law::KelvinVoigt(l, _) if watch != Watch::Force && !resets_only => {
-                    let (factor, side) = match (was, is) {
-                        (ContactMode::Separated, _) if is.is_closed() => (-l.damping, is.side()),
-                        (_, ContactMode::Separated) if was.is_closed() => (l.damping, was.side()),
-                        _ => continue,
-                    };
-                    let along = self.along((j, side), false, by, columns);
-                    c.push.iter().for_each(|(i, p)| columns.add(n + *i as usize, factor * p, &along));
-                }
-                _ => {}
+            // The damping force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`; the speed cancels.
+            let damping = c.spec.law.jump_damping();
+            if damping > 0.0 && watch != Watch::Force && !resets_only {
+                let (factor, side) = match (was, is) {
+                    (ContactMode::Separated, _) if is.is_closed() => (-damping, is.side()),
+                    (_, ContactMode::Separated) if was.is_closed() => (damping, was.side()),
+                    _ => continue,
+                };
+                let along = self.along((j, side), false, by, columns);
+                c.push.iter().for_each(|(i, p)| columns.add(n + *i as usize, factor * p, &along));
             }
         }
         saltation.dependent = self.parted(&saltation);

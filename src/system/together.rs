@@ -6,10 +6,7 @@ use super::{
     tangent::{Columns, Saltation},
     variation::Evaluation,
 };
-use crate::{
-    gear::contact::Law,
-    hybrid::{GuardSet, Instant, Jump, Mode},
-};
+use crate::hybrid::{GuardSet, Instant, Jump, Mode};
 
 /// Share of the largest acceleration above which a change is more than rounding.
 const SUDDEN: f64 = 1e-9;
@@ -50,11 +47,8 @@ impl Structure {
         let mut saltation = Saltation::default();
         for (j, watch) in fired.iter().chain(to.struck.iter()).map(guard_of) {
             let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
-            let is_sudden = match self.contacts[j].spec.law {
-                Law::KelvinVoigt(l, _) => l.damping > 0.0 && was != is,
-                Law::Rigid(_) => !was.is_closed(),
-                _ => false,
-            };
+            let law = &self.contacts[j].spec.law;
+            let is_sudden = if law.is_rigid() { !was.is_closed() } else { law.jump_damping() > 0.0 && was != is };
             let rate = self.deflection(j, at, x).1;
             if watch == Watch::Force
                 || !is_sudden

@@ -10,10 +10,7 @@ use super::{
     spec::Spec,
 };
 use crate::{
-    gear::{
-        Harmonic, Stiffness,
-        contact::{Law, Restitution},
-    },
+    gear::{Harmonic, Stiffness},
     hybrid::{GuardId, Instant, Mode, Wide, normalise},
 };
 
@@ -26,13 +23,11 @@ pub(crate) fn conserves(spec: &Spec) -> bool {
         && spec.load_harmonics.iter().all(|l| l.vector.iter().all(|f| *f == 0.0))
         && spec.load_schedules.is_empty()
         && spec.contacts.iter().all(|c| {
-            let keeps = match c.law {
-                Law::Bilateral(l) | Law::KelvinVoigt(l, _) => l.damping == 0.0,
-                Law::Power(l) => l.hysteresis == 0.0,
-                Law::Rigid(l) => l.restitution == Restitution::Constant(1.0),
-            };
             let is_still = c.errors().all(|error| still(error));
-            keeps && c.gap_damping == 0.0 && is_still && c.schedules().all(|k| matches!(k, Stiffness::Constant(_)))
+            c.law.is_lossless()
+                && c.gap_damping == 0.0
+                && is_still
+                && c.schedules().all(|k| matches!(k, Stiffness::Constant(_)))
         })
 }
 

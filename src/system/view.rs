@@ -4,26 +4,7 @@ use super::{
     assemble::{Structure, dot, zeros},
     contact_mode::{contact_mode, guard_id, guard_of, set_contact},
 };
-use crate::{
-    gear::contact::{Law, Release, restitution},
-    hybrid::{ContactMode, ContactView, GuardId, Instant, Mode, Transition, Watch},
-};
-
-/// Returns the restitution of a free impact on a spring and damper with damping ratio ζ.
-///
-/// Release at `p = 0` for ζ < 1: `exp(−πζ/√(1−ζ²))`. Release at `F = 0`: `exp(−ζφ/√(1−ζ²))` with
-/// `φ = 2 arccos ζ` (and its continuation `2 arcosh ζ` beyond ζ = 1). ζ ≥ 0.
-#[must_use]
-pub fn damped_restitution(zeta: f64, release: Release) -> f64 {
-    let root = (1.0 - zeta * zeta).abs().sqrt();
-    match release {
-        Release::Deflection if zeta >= 1.0 => 0.0,
-        Release::Deflection => libm::exp(-std::f64::consts::PI * zeta / root),
-        Release::Force if zeta < 1.0 => libm::exp(-zeta * 2.0 * libm::acos(zeta) / root),
-        Release::Force if zeta == 1.0 => libm::exp(-2.0f64),
-        Release::Force => libm::exp(-zeta * 2.0 * libm::acosh(zeta) / root),
-    }
-}
+use crate::hybrid::{ContactMode, ContactView, GuardId, Instant, Mode, Transition, Watch};
 
 impl Structure {
     /// Sets contact `j` to `state` in `mode`.
@@ -97,15 +78,7 @@ impl ContactView for Structure {
 
     fn free_restitution(&self, j: usize, speed: f64) -> Option<f64> {
         let c = &self.contacts[j];
-        match c.spec.law {
-            Law::Rigid(l) => Some(l.restitution.at(speed)),
-            Law::Power(l) => Some(restitution(l.hysteresis)),
-            Law::KelvinVoigt(l, release) => {
-                let critical = 2.0 * (c.spec.stiffness.mean() * c.effective_mass()).sqrt();
-                Some(damped_restitution(l.damping / critical, release))
-            }
-            Law::Bilateral(_) => None,
-        }
+        c.spec.law.free_restitution(speed, c.spec.stiffness.mean(), c.effective_mass())
     }
 
     fn deflection(&self, j: usize, side: f64, at: Instant, x: &[f64]) -> (f64, f64) {

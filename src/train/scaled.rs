@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use crate::gear::contact::Law;
 use crate::system::{ContactSpec, Spec};
 
 /// Quantity of every contact that is multiplied.
@@ -43,14 +42,12 @@ impl Spec {
             match quantity {
                 Quantity::Stiffness => {
                     contact.schedules_mut().for_each(|schedule| *schedule = schedule.scaled(factor));
-                    if let Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) = &mut contact.law {
-                        linear.damping *= factor.sqrt();
+                    if contact.law.is_linear() {
+                        contact.law.loss_mut().into_iter().for_each(|damping| *damping *= factor.sqrt());
                     }
                 }
                 Quantity::Damping => {
-                    if let Some(damping) = damping(&mut contact.law) {
-                        *damping *= factor;
-                    }
+                    contact.law.loss_mut().into_iter().for_each(|loss| *loss *= factor);
                 }
                 Quantity::Backlash => contact.half_backlash *= factor,
             }
@@ -63,16 +60,8 @@ impl Spec {
     pub fn has(&self, quantity: Quantity) -> bool {
         self.contacts.iter().any(|contact: &ContactSpec| match quantity {
             Quantity::Stiffness => !contact.law.is_rigid() && contact.stiffness.maximum() > 0.0,
-            Quantity::Damping => damping(&mut contact.law.clone()).is_some_and(|damping| *damping > 0.0),
+            Quantity::Damping => contact.law.loss().is_some_and(|loss| loss > 0.0),
             Quantity::Backlash => contact.half_backlash != 0.0,
         })
-    }
-}
-
-fn damping(law: &mut Law) -> Option<&mut f64> {
-    match law {
-        Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => Some(&mut linear.damping),
-        Law::Power(power) => Some(&mut power.hysteresis),
-        Law::Rigid(_) => None,
     }
 }

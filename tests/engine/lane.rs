@@ -13,9 +13,9 @@ use serde_json::json;
 
 /// Looks at events and at nothing else.
 #[derive(Default)]
-struct Watching(u64);
+struct EventCounter(u64);
 
-impl Observer for Watching {
+impl Observer for EventCounter {
     fn wants_steps(&self, _: &Mode, _: flank::hybrid::Instant) -> bool {
         false
     }
@@ -52,7 +52,7 @@ fn pieces(
 
 /// Runs in pieces, watched and not, and compares. The number of events.
 fn compare(name: &str, simulation: &Simulation, start: &State, ends: &[f64], options: Options) -> u64 {
-    let mut watching = Watching::default();
+    let mut watching = EventCounter::default();
     let watched = pieces(simulation, start, (ends, options), &mut watching);
     let silent = pieces(simulation, start, (ends, options), &mut ());
     for (i, (watched, silent)) in watched.iter().zip(&silent).enumerate() {
@@ -183,9 +183,9 @@ fn up_to(bound: Instant) -> LaneLimits {
 }
 
 /// Leaves all modes to the lane, and ends no sequence.
-struct Free;
+struct FreeHost;
 
-impl LaneHost for Free {
+impl LaneHost for FreeHost {
     fn pass(&mut self, _: Instant) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
@@ -216,7 +216,7 @@ fn a_lane_passes_steady_motions_by_itself() {
         };
         assert!(has_lane, "{name}");
         let start = simulation.start_at(&simulation.q0, &simulation.v0).unwrap();
-        let (clock, mut watching) = (simulation.clock(), Watching::default());
+        let (clock, mut watching) = (simulation.clock(), EventCounter::default());
         let mut engine = engine(&simulation, start, Options::default());
         engine.run(clock.at(50, 0.0), &mut watching).unwrap();
         let (before, State { mut at, mut x, mut jump }) = (engine.counters(), engine.state().clone());
@@ -230,7 +230,7 @@ fn a_lane_passes_steady_motions_by_itself() {
             arcs: before.arcs,
             impact: None,
         };
-        let lap = lane.run(point, up_to(end), &mut Free);
+        let lap = lane.run(point, up_to(end), &mut FreeHost);
         assert_eq!((lap.end, lap.events), (LapEnd::Bound, engine.counters().events - before.events), "{name}");
     }
 }
@@ -242,7 +242,7 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
         let simulation = Simulation::from_scene(scene(name)).unwrap();
         let mut lane = simulation.structure.lane().unwrap();
         let start = simulation.start_at(&simulation.q0, &simulation.v0).unwrap();
-        let (clock, mut watching) = (simulation.clock(), Watching::default());
+        let (clock, mut watching) = (simulation.clock(), EventCounter::default());
         let mut engine = engine(&simulation, start, Options::default());
         let (mut passed, mut fired, mut switches) = (0, 0, 0);
         // No stiffness switches at this phase. A lane that begins at a switch leaves it to the engine.
@@ -256,7 +256,7 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
             let (at, x, jump, carried) = (&mut at, &mut x[..], &mut jump, &mut carried);
             let point = LanePoint { at, x, jump, carried, arcs: before.arcs, impact: None };
             assert_eq!(simulation.structure.switched(&point.jump.mode, *point.at), point.jump.mode, "{name}");
-            let lap = lane.run(point, up_to(end), &mut Free);
+            let lap = lane.run(point, up_to(end), &mut FreeHost);
             if lap.end == LapEnd::Bound {
                 let after = engine.counters();
                 let made = (after.events - before.events, after.fired - before.fired, after.switches - before.switches);
@@ -269,14 +269,14 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
 }
 
 /// Looks at events from an instant on, and keeps the instants that it is passed before.
-struct Late {
+struct LateObserver {
     from: Instant,
     events: Vec<EventRecord>,
     skipped: Vec<Instant>,
     most: usize,
 }
 
-impl Observer for Late {
+impl Observer for LateObserver {
     fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
     }
@@ -305,7 +305,7 @@ fn an_observer_may_begin_late() {
         let clock = simulation.clock();
         let (from, end) = (clock.at(400, 0.3 * clock.period().unwrap().hi), clock.at(410, 0.0));
         let run = |from: Instant, most: usize| {
-            let mut late = Late { from, events: Vec::new(), skipped: Vec::new(), most };
+            let mut late = LateObserver { from, events: Vec::new(), skipped: Vec::new(), most };
             let mut engine = engine(&simulation, start(&simulation, 0.0), Options::default());
             let outcome = engine.run(end, &mut late).unwrap();
             (late, engine.state().clone(), engine.counters(), outcome)
@@ -339,7 +339,7 @@ fn a_budget_of_steps_ends_both() {
                 let error = engine.run(end, observer).unwrap_err().to_string();
                 (error, engine.state().clone(), engine.counters())
             };
-            assert_eq!(run(&mut Watching::default()), run(&mut ()), "{name}, {max_steps}");
+            assert_eq!(run(&mut EventCounter::default()), run(&mut ()), "{name}, {max_steps}");
         }
     }
 }

@@ -7,13 +7,11 @@ use flank::{
     event::EventRecord,
     gear::{
         Harmonic, Stiffness,
-        contact::{Law, Linear, PowerLaw, Ratio, Release},
+        contact::{Law, Linear, PowerLaw, Ratio, Release, damped_restitution},
     },
     hybrid::{ContactMode, GuardSet, HybridSystem, Instant, Jet, JetRequest, Mode, Watch},
     integrate::{Arc, Choice, Integrator, Tableau, Taylor, build},
-    system::{
-        ContactSpec, Flanks, LoadHarmonic, Spec, Structure, damped_restitution, equilibrium, guard_id, set_contact,
-    },
+    system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure, equilibrium, guard_id, set_contact},
 };
 use nalgebra::DMatrix;
 

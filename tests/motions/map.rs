@@ -53,7 +53,7 @@ fn ends_on_an_orbit(simulation: &Simulation) -> bool {
 /// Cells by both rules: in a lane, in arrays of two; and by an engine, with matrices.
 #[test]
 fn a_lane_decides_as_an_engine_does() {
-    let (mut periodic, mut chaotic) = (0, 0);
+    let (mut periodic, mut chaotic, mut differ) = (0, 0, 0);
     for (damping, in_gap, amplitude, kind) in [
         (0.05, true, 0.2, "constant"),
         (0.08, false, 0.25, "constant"),
@@ -84,6 +84,7 @@ fn a_lane_decides_as_an_engine_does() {
                         |kind: &MotionKind| matches!(kind, MotionKind::Undecided | MotionKind::Transient);
                     let is_open = both[0] == both[1] || both.iter().any(is_unsettled);
                     assert!(is_open || ends_on_an_orbit(&pair), "{place}: {both:?}");
+                    differ += usize::from(both[0] != both[1]);
                     chaotic += usize::from(lane.motion.kind == MotionKind::Chaotic);
                     continue;
                 }
@@ -99,6 +100,7 @@ fn a_lane_decides_as_an_engine_does() {
         }
     }
     assert!(periodic > 40 && chaotic > 10, "{periodic} periodic, {chaotic} chaotic");
+    assert!(4 * differ <= chaotic, "{differ} of {chaotic} differ");
 }
 
 /// The orbit that a cell names closes, by an engine, and has the exponent that the cell says.

@@ -4,7 +4,7 @@ use serde::Serialize;
 use super::{EngineMotion, LongRunRule};
 use crate::{
     accuracy::{AccuracyError, Contender, Problem, Truth, Window},
-    gear::{Stiffness, contact::Law},
+    gear::Stiffness,
     simulation::{Simulation, SimulationError},
     system::{Spec, Structure, bonded_modes, equilibrium},
     task::Task,
@@ -279,14 +279,7 @@ pub(in crate::accuracy) fn highest_frequency(spec: &Spec, forces: &[f64]) -> Opt
     let mut closed = spec.clone();
     for (contact, force) in closed.contacts.iter_mut().zip(forces) {
         let k = contact.stiffness.maximum();
-        contact.stiffness = Stiffness::Constant(match contact.law {
-            Law::Power(law) => {
-                let n = law.exponent.value();
-                n * libm::pow(k, n.recip()) * libm::pow(*force, 1.0 - n.recip())
-            }
-            Law::Rigid(_) => 0.0,
-            Law::KelvinVoigt(..) | Law::Bilateral(_) => k,
-        });
+        contact.stiffness = Stiffness::Constant(contact.law.slope(k, *force));
     }
     bonded_modes(&closed).ok()?.omega.last().copied()
 }

@@ -53,7 +53,11 @@ impl Motion<'_> {
             }
             (Watch::Force, _) => [c.effective_mass() * acceleration, 0.0, 0.0],
             // Where the force was zero last, the stretch is `c δ̇/k`.
-            _ => [deflection + c.release_damping().map_or(0.0, |damping| damping * rate / k), rate, acceleration],
+            _ => [
+                deflection + c.spec.law.release_damping().map_or(0.0, |damping| damping * rate / k),
+                rate,
+                acceleration,
+            ],
         }
     }
 }

@@ -6,9 +6,9 @@
 
 use smallvec::SmallVec;
 
-use super::{AGREED, Ways};
+use super::Ways;
 use crate::{
-    hybrid::{ARRIVED, GuardValue, Jet, JetRequest, Leap, Passage, are_finite},
+    hybrid::{AGREED, ARRIVED, GuardValue, Jet, JetRequest, Leap, Passage, are_finite},
     kernel::{
         APART, Expansion, Four, LANES, Motion, ROUNDING, ROW, StepRows,
         bounds::{
@@ -16,6 +16,7 @@ use crate::{
             guards::{Powers, powers},
         },
         mode::motion::ModeGuard,
+        series::carry::Fours,
     },
     poly::{self, Deflated, FirstRoot, FourRanges},
     system::Watch,
@@ -308,9 +309,25 @@ impl Expansion<'_> {
         }
     }
 
+    /// Writes state and carried values at the end of the step. Returns the changes of the deflections.
+    #[inline(always)]
+    pub fn finish<P: Path>(
+        &self,
+        path: P,
+        step: &BareStep,
+        jet: &Jet,
+        (x, carried): (&mut Vec<f64>, &mut Vec<f64>),
+    ) -> Fours {
+        self.state_at(path, jet, step.limit, x);
+        let gained = self.motion.gained(path, jet, step.limit);
+        self.motion.keep(path, jet, step.first.is_some(), &gained, carried);
+        carried.push(f64::NAN);
+        gained
+    }
+
     /// Evaluates the state at `theta` as [`Jet::state_at`] does.
     #[inline(always)]
-    pub fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
+    fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
         let orders = &jet.rows.orders;
         let s = theta * jet.reach;
         x.resize(self.request.x.len(), 0.0);
@@ -398,7 +415,6 @@ impl Ways<'_> {
             }
         }
         step.is_bound = step.first.is_none() && jet.time_at(1.0) >= request.span * (1.0 - ARRIVED);
-        // No other guard, and no end of the arc, may coincide with the first fall.
         let width = step.first.as_ref().map_or(0.0, |fall| fall.width);
         // No other guard falls with it or is near: an event judges nearness by the value itself, exact zeros included.
         let mut is_alone = true;
@@ -438,13 +454,10 @@ impl Ways<'_> {
             Passage { guard: id(place), residual: value, slope, error, curvature, zeros }
         });
         e.starts(step, &powers(jet.reach), jet, starts);
-        e.state_at(path, jet, step.limit, &mut leap.x);
+        let gained = e.finish(path, step, jet, (&mut leap.x, &mut leap.carried));
         if !are_finite(&leap.x) {
             return false;
         }
-        let gained = motion.gained(path, jet, step.limit);
-        motion.keep(path, jet, step.first.is_some(), &gained, &mut leap.carried);
-        leap.carried.push(f64::NAN);
         leap.sizes.resize(request.x.len(), 0.0);
         for (size, x) in leap.sizes.iter_mut().zip(request.x) {
             *size = x.abs();

@@ -6,7 +6,7 @@
 use std::ops::ControlFlow;
 
 use super::{
-    AGREED, Ways,
+    Ways,
     formed::WORTH,
     lane_leap::{Bound, Derivatives},
     leap::MOST_LEAPS,
@@ -16,8 +16,8 @@ use super::{
 use crate::{
     gear::contact::Law,
     hybrid::{
-        self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LaneLimits, LanePoint, Lap, LapEnd, LeapCounts, Mode,
-        Rebound,
+        self, AGREED, GuardSet, HybridSystem, Instant, Jump, LaneHost, LaneLimits, LanePoint, Lap, LapEnd, LeapCounts,
+        Mode, Rebound,
     },
     kernel::ROUNDING,
     system::{Columns, ContactMode, Spring, Structure, Watch, contact_mode, dot, guard_id},
@@ -161,7 +161,7 @@ impl<'s> Lane<'s> {
             Law::Rigid(_) => (true, true),
             _ => return None,
         };
-        let is_periodic = structure.clock.period().is_some() && structure.oscillators.iter().all(|o| o.order.is_some());
+        let is_periodic = structure.clock.period().is_some() && structure.has_whole_orders();
         let few = structure.n == 1 && structure.dim == 2 && structure.oscillators.len() <= MOST_INPUTS;
         let state = LaneState {
             at: Instant::default(),
@@ -429,8 +429,8 @@ impl Work for LaneRun<'_, '_> {
                 } else {
                     clock.pass(&mut state.at, leap.time);
                 }
-                let is_left = state.at >= observed;
-                if is_left || lap.steps % PASSED == 0 && host.pass(state.at).is_break() {
+                // The start of the arc is never undone.
+                if state.at >= observed || lap.steps % PASSED == 0 && host.pass(last.at).is_break() {
                     break 'arcs;
                 }
                 (state.x, state.zeros, state.carried) = (leap.x, [false; 3], leap.carried);

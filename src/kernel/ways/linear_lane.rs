@@ -8,17 +8,16 @@ use std::collections::BTreeMap;
 use smallvec::SmallVec;
 
 use super::{
-    AGREED, Ways,
+    Ways,
     bare::{BareStep, FlankEnds},
     formed::{FEW_FREEDOMS, propagates},
     lane::PASSED,
     leap::MOST_LEAPS,
 };
 use crate::{
-    gear::contact::Law,
     hybrid::{
-        self, FULL_PRECISION, GuardSet, GuardValue, HybridSystem, Instant, JetRequest, Jump, LaneHost, LaneLimits,
-        LanePoint, Lap, LapEnd, Leap, LeapCounts, Mode, are_finite,
+        self, AGREED, FULL_PRECISION, GATHERED, GuardSet, GuardValue, HybridSystem, Instant, JetRequest, Jump,
+        LaneHost, LaneLimits, LanePoint, Lap, LapEnd, Leap, LeapCounts, MOST_MODES, Mode, are_finite,
     },
     kernel::{
         Four, LANES,
@@ -34,10 +33,6 @@ const FROM_SWITCH: f64 = 0.02;
 /// Factor on the largest permitted value of a guard. The engine decides too if the guard changes by less up to the switch. The factor covers
 /// the rounding that several steps of an arc gather.
 const UNCERTAIN: f64 = 10.0;
-/// Factor on the rounding of the state by which it may be moved onto a flank: as much may have been gathered before.
-const GATHERED: f64 = 2.0;
-/// Maximum number of modes kept, as in the engine.
-const MOST_MODES: usize = 1024;
 
 /// Mode that has occurred in the run.
 struct RunMode<'s> {
@@ -121,9 +116,8 @@ impl<'s> LinearLane<'s> {
     /// Returns a lane for motions of `structure`; `None` unless it has 4 to 24 degrees of freedom, losses, a period, and linear laws. The laws
     /// must release by deflection, and their stiffnesses must not have harmonics.
     pub fn new(structure: &'s Structure) -> Option<Self> {
-        let is_linear = |law: &Law| matches!(law, Law::KelvinVoigt(..) | Law::Bilateral(_));
         let knows = |c: &Contact| {
-            is_linear(&c.spec.law) && c.release_damping().is_none() && !matches!(c.spring, Spring::Waves(..))
+            c.spec.law.is_linear() && c.spec.law.release_damping().is_none() && !matches!(c.spring, Spring::Waves(..))
         };
         let fits = (FEW_FREEDOMS + 1..=LARGEST).contains(&structure.n)
             && structure.dim == 2 * structure.n
@@ -241,16 +235,13 @@ impl<'s> LinearLane<'s> {
         let (ways, Leap { jet, x, carried, .. }, step) = (&self.modes[index].ways, &mut self.leap, &mut self.step);
         let motion = &ways.motion;
         let formed = ways.bare_step(path, request, jet, step)?;
-        formed.state_at(path, jet, step.limit, x);
-        let (falls, gained) = (step.first.is_some(), motion.gained(path, jet, step.limit));
-        motion.keep(path, jet, falls, &gained, carried);
-        carried.push(f64::NAN);
+        let gained = formed.finish(path, step, jet, (x, carried));
         let (step, jet) = (&self.step, &self.leap.jet);
         let agrees = step.agrees(path, motion, &self.ends) && are_finite(&self.leap.x);
         step.largest_rounding(path, &mut self.rounding);
         self.fired.clear();
         self.ends.clear();
-        if falls {
+        if step.first.is_some() {
             self.fired.extend(step.fired(motion).copied());
             let [error, afresh] = step.errors();
             self.most = AGREED * error + GATHERED * afresh;
@@ -390,7 +381,8 @@ impl Work for LinearRun<'_, '_, '_> {
                     lap.splits += lane.step.splits;
                 }
                 *point.at = if is_bound { until } else { clock.advance(at, time) };
-                if *point.at >= observed || lap.steps % PASSED == 0 && host.pass(*point.at).is_break() {
+                // The start of the arc is never undone.
+                if *point.at >= observed || lap.steps % PASSED == 0 && host.pass(lane.start.at).is_break() {
                     break 'arcs;
                 }
                 point.x.copy_from_slice(&lane.leap.x);

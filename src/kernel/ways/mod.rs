@@ -37,9 +37,6 @@ use crate::{
     vectors::{Baseline, Path, Work},
 };
 
-/// Factor on a bound by which two values may differ that are known in two ways: each is off by the bound.
-const AGREED: f64 = 10.0;
-
 /// Motion of a mode, with its propagators and buffers.
 #[derive(Debug)]
 pub struct Ways<'s> {

@@ -8,7 +8,6 @@ use super::{
     simplify::{self, order},
 };
 use crate::{
-    gear::contact::Law,
     scene::Scene,
     simulation::{Simulation, SimulationError},
     study::{StudyError, figures},
@@ -157,7 +156,7 @@ impl Rungs {
 
     fn law(&mut self) {
         let spec = self.simulation.structure.spec();
-        if spec.contacts.iter().any(|contact| matches!(contact.law, Law::Power(_))) {
+        if spec.contacts.iter().any(|contact| contact.law.power().is_some()) {
             match simplify::linear_laws(&self.simulation.structure) {
                 Ok(laws) => self.add(Ladder::Law, "linear law", vec![Step::Linear(laws)]),
                 Err(error) => self.leave("linear law", error.to_string()),

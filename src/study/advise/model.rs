@@ -5,7 +5,6 @@ use serde_json::{Value, json};
 
 use super::simplify::{self, LinearLaw};
 use crate::{
-    gear::contact::Law,
     hybrid::ContactView,
     scene::Scene,
     simulation::Simulation,
@@ -108,7 +107,7 @@ impl Model {
         };
         let latched: Vec<(usize, f64)> = theirs.latched().collect();
         for (j, side) in ours.latched() {
-            let first = if let Law::Power(law) = ours.contacts()[j].spec.law { law.initial_speed } else { 0.0 };
+            let first = ours.contacts()[j].spec.law.power().map_or(0.0, |law| law.initial_speed);
             let known = latched.iter().position(|of| *of == (source(j), side));
             x.push(known.map_or(first, |i| seed.x[2 * n + i]));
         }

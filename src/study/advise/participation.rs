@@ -4,7 +4,6 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::{
-    gear::contact::Law,
     linalg::natural_modes,
     study::figures,
     system::{Spec, bonded_stiffness, equilibrium, tangent_stiffness},
@@ -92,10 +91,10 @@ pub struct Mode {
 /// Returns the natural modes of a train about its rest under the constant load, power laws with their tangent there; or the reason for
 /// which there are none.
 pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[FreedomGroup]) -> Result<Vec<Mode>, String> {
-    if spec.contacts.iter().any(|contact| matches!(contact.law, Law::Rigid(_))) {
+    if spec.contacts.iter().any(|contact| contact.law.is_rigid()) {
         return Err("rigid contacts have no stiffness".to_owned());
     }
-    let nonlinear = spec.contacts.iter().any(|contact| matches!(contact.law, Law::Power(_)));
+    let nonlinear = spec.contacts.iter().any(|contact| contact.law.power().is_some());
     let stiffness: Vec<f64> = match equilibrium(spec) {
         Ok(rest) => tangent_stiffness(spec, &rest),
         Err(error) if nonlinear => return Err(error.to_string()),

@@ -7,10 +7,10 @@ use nalgebra::{DMatrix, DVector};
 use crate::{
     gear::{
         Piece, Stiffness,
-        contact::{Law, Linear, Release, restitution},
+        contact::{Law, Linear, Release, damped_restitution, restitution},
     },
     study::figures::family,
-    system::{ContactSpec, Spec, Structure, damped_restitution, equilibrium, tangent_stiffness},
+    system::{ContactSpec, Spec, Structure, equilibrium, tangent_stiffness},
     train::TrainError,
 };
 
@@ -229,7 +229,7 @@ pub fn alone(spec: &mut Spec) -> DMatrix<f64> {
         damping[(j, j)] = phi.dot(&(&spec.damping * &phi));
         stiffness[(j, j)] = phi.dot(&(&spec.stiffness * &phi));
         load[j] = match &rest {
-            Some(rest) if rest.forces[j] > 0.0 || matches!(spec.contacts[j].law, Law::Bilateral(_)) => {
+            Some(rest) if rest.forces[j] > 0.0 || spec.contacts[j].law.is_bilateral() => {
                 let z = g.dot(&DVector::from_column_slice(&rest.position));
                 rest.forces[j] + stiffness[(j, j)] * z
             }

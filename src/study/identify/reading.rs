@@ -6,7 +6,6 @@ use nalgebra::DMatrix;
 
 use super::{Quantity, Target};
 use crate::{
-    gear::contact::Law,
     linalg::{Modes, natural_modes},
     system::{ContactSpec, Equilibrium, EquilibriumError, Spec, bonded_stiffness, equilibrium, tangent_stiffness},
     train::planetary::{FamilyModes, families},
@@ -128,7 +127,7 @@ impl<'a> Train<'a> {
 
 /// Returns whether a contact's stiffness does not depend on its load.
 pub(super) fn is_linear(contact: &ContactSpec) -> bool {
-    matches!(contact.law, Law::Bilateral(_) | Law::KelvinVoigt(..))
+    contact.law.is_linear()
 }
 
 /// Returns the value with this number, counted from 1.
