@@ -122,6 +122,8 @@ pub(super) fn go_on<'s>(
     if impact.is_some() && fired.len() > 1 {
         return None;
     }
+    // The record of an open instant has the state after it.
+    let opened = (is_open && !iteration.is_silent).then(|| point.state.clone());
     let WideState { state, carried, .. } = &mut *point;
     let from =
         LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, arcs: counters.arcs, impact };
@@ -138,7 +140,11 @@ pub(super) fn go_on<'s>(
     core.counters.fired += lap.fired;
     core.counters.switches += lap.switches;
     core.locator.splits += lap.splits;
+    let closed = opened.and_then(|opened| core.close(&opened, observer));
     core.go_past(&point.state);
+    if let Some(outcome) = closed {
+        return Some(ArcEnd::Stop(outcome));
+    }
     if stops || observer.skip(point.state.at).is_break() {
         return stop;
     }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use flank::{
     Simulation,
-    engine::{Counters, Engine, Observer, Options, Outcome, State},
+    engine::{Counters, Engine, JumpRecord, Observer, Options, Outcome, State},
     event::EventRecord,
     hybrid::{GuardId, HybridSystem, Instant, LaneHost, LaneLimits, LanePoint, LapEnd, Mode, Rebound},
     scene::Scene,
@@ -272,6 +272,8 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
 struct LateObserver {
     from: Instant,
     events: Vec<EventRecord>,
+    /// Jumps since the last event.
+    jumps: u32,
     skipped: Vec<Instant>,
     most: usize,
 }
@@ -290,22 +292,32 @@ impl Observer for LateObserver {
         if self.skipped.len() < self.most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
     }
 
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, _: &JumpRecord<'_>) {
+        self.jumps += 1;
+    }
+
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        assert_eq!(self.jumps, record.jumps, "{record:?}");
+        self.jumps = 0;
         self.events.push(record.clone());
         ControlFlow::Continue(())
     }
 }
 
 /// An observer that looks from an instant on receives all events from there on, as one that looks from the start does. Before, it receives
-/// instants in rising order, and it may stop the run there.
+/// instants in rising order, and it may stop the run there. Every jump that it receives has its record.
 #[test]
 fn an_observer_may_begin_late() {
-    for name in ["W1a-ds", "W1c-ds", "W5b-p", "W3", "W4"] {
+    for name in ["W1a-ds", "W1c-ds", "W5b-p", "W5b-ch", "W3", "W4"] {
         let simulation = Simulation::from_scene(scene(name)).unwrap();
         let clock = simulation.clock();
         let (from, end) = (clock.at(400, 0.3 * clock.period().unwrap().hi), clock.at(410, 0.0));
         let run = |from: Instant, most: usize| {
-            let mut late = LateObserver { from, events: Vec::new(), skipped: Vec::new(), most };
+            let mut late = LateObserver { from, events: Vec::new(), jumps: 0, skipped: Vec::new(), most };
             let mut engine = engine(&simulation, start(&simulation, 0.0), Options::default());
             let outcome = engine.run(end, &mut late).unwrap();
             (late, engine.state().clone(), engine.counters(), outcome)
