@@ -48,7 +48,7 @@ pub trait Observer {
         Instant::FIRST
     }
 
-    /// Receives an instant that the run has reached without reports.
+    /// Receives an instant that the run has reached without reports. The record of an instant before may still follow.
     fn skip(&mut self, at: Instant) -> ControlFlow<()> {
         let _ = at;
         ControlFlow::Continue(())

@@ -19,7 +19,7 @@ pub struct Rebound {
 
 /// Host of a [`Lane`], which decides for it.
 pub trait LaneHost {
-    /// Receives an instant that the lane has reached; it is called once in some thousand steps. A break ends the lap.
+    /// Receives an instant that the lane has passed, once in about a thousand steps. A break ends the lap.
     fn pass(&mut self, at: Instant) -> ControlFlow<()>;
 
     /// Returns whether the exact flow of `mode` may be used.

@@ -83,7 +83,7 @@ impl Law {
         law.loss_mut().copied()
     }
 
-    /// As [`loss`](Self::loss), to be changed.
+    /// Returns the number of [`loss`](Self::loss), through which it can be changed.
     pub fn loss_mut(&mut self) -> Option<&mut f64> {
         match self {
             Self::Bilateral(law) | Self::KelvinVoigt(law, _) => Some(&mut law.damping),
@@ -146,10 +146,10 @@ impl Law {
     /// Returns the first condition that the numbers of the law break, if any.
     pub(crate) fn fault(&self) -> Option<&'static str> {
         // A comparison with NaN is false, so NaN is out of range.
-        let is_range = |x: f64| (0.0..f64::INFINITY).contains(&x);
+        let is_permitted = |x: f64| (0.0..f64::INFINITY).contains(&x);
         let (is_met, condition) = match self {
             Self::Bilateral(law) | Self::KelvinVoigt(law, _) => {
-                (is_range(law.damping), "its damping must be finite and >= 0")
+                (is_permitted(law.damping), "its damping must be finite and >= 0")
             }
             Self::Rigid(law) => (
                 law.restitution.fault().is_none(),
@@ -159,7 +159,7 @@ impl Law {
                 let n = law.exponent;
                 if !(n.q > 0 && n.q <= Ratio::MAX_DENOMINATOR && n.p >= n.q && n.p <= 5 * n.q) {
                     (false, "a power law needs an exponent p/q from 1 to 5 with q from 1 to 16")
-                } else if !is_range(law.hysteresis) {
+                } else if !is_permitted(law.hysteresis) {
                     (false, "its hysteresis must be finite and >= 0")
                 } else {
                     (law.speed_floor > 0.0 && law.initial_speed > 0.0, "its latched speeds must be > 0")
