@@ -89,7 +89,7 @@ fn run(size: Size) -> Result<(f64, Counters), Box<dyn Error>> {
     let start = structure.start(from, &vec![0.0; size.freedoms], &vec![0.0; size.freedoms])?;
     let (mut best, mut work) = (f64::INFINITY, Counters::default());
     for _ in 0..if size.cycles < LONG { ROUNDS } else { 1 } {
-        let (integrator, _) = build(Choice::Auto, 1e-13, &structure)?;
+        let integrator = build(Choice::Auto, 1e-13, &structure)?;
         let state = State { at: from, x: start.x.clone(), jump: start.jump.clone() };
         let mut engine = Engine::new(&structure, integrator, Options::default(), state);
         let watch = Stopwatch::now();

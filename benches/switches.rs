@@ -111,7 +111,7 @@ impl Load {
     /// Returns the seconds of the integration, and the work done.
     fn run(&self) -> Result<(f64, Counters), Box<dyn Error>> {
         let [at, _, end]: [Instant; 3] = self.run.instants(self.structure.clock());
-        let (integrator, _) = build(self.run.method, self.run.tolerance, &self.structure)?;
+        let integrator = build(self.run.method, self.run.tolerance, &self.structure)?;
         let state = State { at, x: self.start.x.clone(), jump: self.start.jump.clone() };
         let mut engine = Engine::new(&self.structure, integrator, Options::default(), state);
         let watch = Stopwatch::now();

@@ -90,7 +90,7 @@ impl Workload {
 
     /// An engine at the start.
     fn engine(&self) -> Outcome<Engine<'_>> {
-        let (integrator, _) = build(self.run.method, self.run.tolerance, &self.structure)?;
+        let integrator = build(self.run.method, self.run.tolerance, &self.structure)?;
         let [at, ..] = self.run.instants(self.structure.clock());
         let state = State { at, x: self.start.x.clone(), jump: self.start.jump.clone() };
         Ok(Engine::new(&self.structure, integrator, Options::default(), state))

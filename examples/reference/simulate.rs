@@ -53,7 +53,7 @@ pub fn assemble(scene: &Value) -> Outcome<(Structure, Vec<f64>, Vec<f64>, f64)> 
 pub fn drive(structure: &Structure, start: [&[f64]; 2], span: [f64; 2], observer: &mut dyn Observer) -> Outcome<State> {
     let [from, to] = span.map(|t| structure.clock().instant(t));
     let first = structure.start(from, start[0], start[1])?;
-    let (integrator, _) = build(Choice::Auto, 1e-13, structure)?;
+    let integrator = build(Choice::Auto, 1e-13, structure)?;
     let state = State { at: from, x: first.x, jump: first.jump };
     let mut engine = Engine::new(structure, integrator, Options::default(), state);
     engine.run(to, observer)?;

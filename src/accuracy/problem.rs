@@ -78,7 +78,7 @@ impl<'s> Problem<'s> {
     ) -> Result<Engine<'s>, IntegrateError> {
         let run = &self.simulation.settings;
         let (choice, tolerance) = other.unwrap_or((run.method, run.tolerance));
-        let (integrator, _) = build(choice, tolerance, self.structure())?;
+        let integrator = build(choice, tolerance, self.structure())?;
         let options = Options { event_tolerance, period: Some(self.period), ..Options::default() };
         Ok(Engine::new(self.structure(), integrator, options, start))
     }

@@ -131,7 +131,7 @@ impl Penalty {
             tolerance: FULL_PRECISION,
             before: EarlierSteps::default(),
         };
-        let (mut integrator, _) = build(solver, rtol, &through)?;
+        let mut integrator = build(solver, rtol, &through)?;
         let (mut x, mut next) = (start.clone(), 1);
         if flow.is_continue() {
             integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut [], &mut |step: &dyn DenseStep| {

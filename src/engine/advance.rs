@@ -45,7 +45,7 @@ pub struct Engine<'s> {
     motions: BTreeMap<Mode, VisitedMode<'s>>,
     kept: usize,
     leaps: Leaps,
-    /// Lane for motions that nobody observes, if the system has one.
+    /// Lane for motions that need no call to an observer, if the system has one.
     lane: Option<Box<dyn Lane + 's>>,
     /// Scratch for the state at the end of an arc, and for its low part.
     end: [Vec<f64>; 2],

@@ -28,9 +28,9 @@ struct Sequence {
     own: u32,
     fastest: f64,
     last: f64,
-    /// Instant of the last impact; `interval` is the time since the impact before it, s.
+    /// Instants of the last impact, and of the one before it.
     at: Instant,
-    interval: f64,
+    before: Instant,
     /// Ratio of the last rebound speed to the one before, and the ratio before that.
     ratios: [f64; 2],
 }
@@ -103,8 +103,11 @@ impl Chatter {
             // On estimated steps the rebound speed is too inaccurate for this test.
             let others = if flight.is_estimate { f64::INFINITY } else { OTHERS * e };
             let now = flight.start;
-            let since = |before| system.clock().between(before, now);
-            let sequence = self.record(*guard, (now, since), u, e, others);
+            let sequence = self.record(*guard, now, u, e, others);
+            if sequence.own < IN_A_ROW && sequence.impacts <= IN_A_ROW {
+                continue;
+            }
+            let interval = || system.clock().between(sequence.before, now);
             // Above the speed from which e is constant, the last rebounds do not predict the next ones.
             let is_last = u <= options.chatter_fraction * sequence.fastest && u < system.steady_speed(*guard);
             // The height of a flight is `u²/2A`.
@@ -117,13 +120,13 @@ impl Chatter {
                 let remaining = 2.0 * u / (a * (1.0 - e)) * (1.0 + 2.0 * epsilon / (3.0 * (1.0 - e)));
                 is_small.then(|| (remaining, remaining * (ratio / e - 1.0).abs() / (1.0 - e)))
             } else if ratio >= STALLED {
-                (is_flat && sequence.impacts > IN_A_ROW).then_some((0.0, sequence.interval))
+                is_flat.then(|| (0.0, interval()))
             } else {
                 let change = (ratio - before).abs();
                 // The ratio of a faster sequence is not known to rounding, so `chatter_speed` does not end such a sequence.
-                let is_joint = sequence.impacts > IN_A_ROW && (is_last || is_flat && change <= STEADY * ratio);
-                let per_share = sequence.interval / (1.0 - ratio);
-                is_joint.then(|| (per_share * ratio, per_share * change / (1.0 - ratio)))
+                let is_joint = is_last || is_flat && change <= STEADY * ratio;
+                let per_share = || interval() / (1.0 - ratio);
+                is_joint.then(|| (per_share() * ratio, per_share() * change / (1.0 - ratio)))
             };
             let Some((remaining, uncertainty)) = sum.filter(|_| self.blocked.is_none()) else { continue };
             ending.insert(*guard);
@@ -145,21 +148,15 @@ impl Chatter {
     /// Returns the guards with an impact between the last two of `sequence`, at `now`: their sequences end with it.
     fn alternating(&self, system: &dyn HybridSystem, now: Instant, sequence: &Sequence) -> GuardSet {
         let mut set = GuardSet::default();
-        let is_between = |s: &&Sequence| s.impacts >= IN_A_ROW && system.clock().between(s.at, now) < sequence.interval;
+        let interval = system.clock().between(sequence.before, now);
+        let is_between = |s: &&Sequence| s.impacts >= IN_A_ROW && system.clock().between(s.at, now) < interval;
         self.sequences.iter().filter(is_between).for_each(|s| set.insert(GuardId(s.guard)));
         set
     }
 
     /// Adds an impact with rebound `speed`. No other contact has influenced it if the speed is e times the last one to within the share
     /// `others`.
-    fn record(
-        &mut self,
-        guard: GuardId,
-        (at, since): (Instant, impl Fn(Instant) -> f64),
-        speed: f64,
-        e: f64,
-        others: f64,
-    ) -> Sequence {
+    fn record(&mut self, guard: GuardId, at: Instant, speed: f64, e: f64, others: f64) -> Sequence {
         let i = self.sequences.iter().position(|s| s.guard == guard.0).unwrap_or_else(|| {
             self.sequences.push(Sequence { guard: guard.0, ..Sequence::default() });
             self.sequences.len() - 1
@@ -173,7 +170,7 @@ impl Chatter {
             Sequence {
                 impacts: s.impacts + 1,
                 own: if is_own { s.own + 1 } else { 1 },
-                interval: since(s.at),
+                before: s.at,
                 ratios: [ratio, s.ratios[0]],
                 last: speed,
                 at,

@@ -1,4 +1,4 @@
-//! Motions that nobody observes, in the lane of the system.
+//! Motions that need no call to an observer, in the lane of the system.
 //!
 //! The result equals that of arcs and instants, bit for bit. A lane advances only where nothing is ambiguous, and returns any arc that it
 //! cannot decide from the start of that arc.
@@ -16,7 +16,8 @@ use super::{
 use crate::{
     event::Accumulation,
     hybrid::{
-        GuardId, GuardSet, HybridSystem, Instant, Lane, LaneHost, LaneLimits, LanePoint, Lap, LapEnd, Mode, Rebound,
+        GuardId, GuardSet, HybridSystem, Instant, Lane, LaneHost, LaneLimits, LanePoint, LaneRecords, Lap, LapEnd,
+        Mode, RECORDED, Rebound,
     },
     integrate::Integrator,
 };
@@ -67,7 +68,7 @@ impl LaneHost for Host<'_, '_> {
     }
 
     fn ends(&mut self, rebound: &Rebound) -> bool {
-        let Rebound { at, guard, derivatives, rounding, left } = *rebound;
+        let Rebound { at, guard, derivatives, rounding, until } = *rebound;
         let flight = Flight {
             start: at,
             guards: &[guard],
@@ -76,7 +77,8 @@ impl LaneHost for Host<'_, '_> {
             is_estimate: false,
         };
         let ended = self.chatter.ends(self.system, &flight, &GuardSet::from_iter([guard]), self.options);
-        self.ended = ended.filter(|(_, accumulation)| accumulation.remaining < left);
+        let left = || self.system.clock().between(at, until);
+        self.ended = ended.filter(|(_, accumulation)| accumulation.remaining < left());
         self.ended.is_some()
     }
 }
@@ -94,7 +96,10 @@ pub(super) fn go_on<'s>(
     let Core { system, options, counters, chatter, alarm, iteration, .. } = core;
     let is_open = iteration.is_open();
     let before = counters.events + u64::from(is_open);
-    let observed = observer.observed_from();
+    // Where records suffice, the observer is not called. Then the lane stops after some steps, so that the observer may end the run.
+    let suffices = |records: LaneRecords<'_>| !records.is_empty() && lane.makes(&records);
+    let records_suffice = observer.records().is_some_and(suffices);
+    let observed = if records_suffice { Instant::LAST } else { observer.observed_from() };
     // With a tolerance the uncertainty of each event is counted, and a lane does not give it.
     if observed <= point.state.at
         || before >= options.max_events
@@ -104,6 +109,15 @@ pub(super) fn go_on<'s>(
         return None;
     }
     let longest = system.clock().between(point.state.at, bound);
+    let (events, mut steps) = (options.max_events - before, options.max_steps - counters.steps);
+    if records_suffice {
+        steps = steps.min(RECORDED);
+    }
+    let mut nobody = ();
+    let (records, watcher): (LaneRecords<'_>, &mut dyn Observer) = match records_suffice {
+        true => (observer.records().unwrap_or_default(), &mut nobody),
+        false => (LaneRecords::default(), &mut *observer),
+    };
     let mut host = Host {
         system: *system,
         integrator,
@@ -111,7 +125,7 @@ pub(super) fn go_on<'s>(
         chatter,
         alarm,
         options,
-        observer: &mut *observer,
+        observer: watcher,
         longest,
         ended: None,
         stops: false,
@@ -127,8 +141,7 @@ pub(super) fn go_on<'s>(
     let WideState { state, carried, .. } = &mut *point;
     let from =
         LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, arcs: counters.arcs, impact };
-    let (events, steps) = (options.max_events - before, options.max_steps - counters.steps);
-    let lap = lane.run(from, LaneLimits { bound, observed, events, steps }, &mut host);
+    let lap = lane.run(from, LaneLimits { bound, observed, events, steps }, records, &mut host);
     let (ended, stops) = (host.ended, host.stops);
     let stop = Some(ArcEnd::Stop(Outcome::StoppedByObserver));
     if lap == Lap::default() {

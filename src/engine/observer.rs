@@ -2,7 +2,7 @@ use std::ops::ControlFlow;
 
 use crate::{
     event::EventRecord,
-    hybrid::{GuardSet, Instant, Jump, Mode},
+    hybrid::{GuardSet, Instant, Jump, LaneRecords, Mode},
     integrate::DenseStep,
 };
 
@@ -46,6 +46,13 @@ pub trait Observer {
     /// that end before it; it passes instants to [`skip`](Self::skip) in their place.
     fn observed_from(&self) -> Instant {
         Instant::FIRST
+    }
+
+    /// Returns the records that suffice in place of calls; `None` if the calls are needed. A run that can make them omits the calls, except
+    /// [`skip`](Self::skip).
+    #[doc(hidden)]
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        (self.observed_from() == Instant::LAST).then(LaneRecords::default)
     }
 
     /// Receives an instant that the run has reached without reports. The record of an instant before may still follow.
@@ -124,6 +131,10 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
         if second < first { second } else { first }
     }
 
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        self.0.records()?.and(self.1.records()?)
+    }
+
     fn skip(&mut self, at: Instant) -> ControlFlow<()> {
         let first = self.0.skip(at);
         self.1.skip(at)?;
@@ -169,6 +180,10 @@ impl<T: Observer> Observer for Option<T> {
         self.as_ref().map_or(Instant::LAST, Observer::observed_from)
     }
 
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        self.as_mut().map_or_else(|| Some(LaneRecords::default()), Observer::records)
+    }
+
     fn skip(&mut self, at: Instant) -> ControlFlow<()> {
         self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.skip(at))
     }
@@ -205,6 +220,10 @@ impl<T: Observer + ?Sized> Observer for &mut T {
 
     fn observed_from(&self) -> Instant {
         (**self).observed_from()
+    }
+
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        (**self).records()
     }
 
     fn skip(&mut self, at: Instant) -> ControlFlow<()> {

@@ -1,6 +1,13 @@
 use std::ops::ControlFlow;
 
-use super::{GuardId, Instant, Jump, Mode};
+use super::{Columns, ContactMode, GuardId, Instant, Jump, Mode};
+
+/// Steps of a [`Lane`] between two instants that it passes to its host.
+pub(crate) const PASSED: u64 = 1024;
+
+/// Maximum number of steps of a lap with records. A step is at most some two radians of its fastest rate long: in a lap a derivative
+/// changes by less than the range of numbers.
+pub(crate) const RECORDED: u64 = 256;
 
 /// Guard of an impact and the motion after it.
 #[derive(Clone, Copy, Debug)]
@@ -13,8 +20,67 @@ pub struct Rebound {
     pub derivatives: [f64; 3],
     /// Rounding of the value of the guard, formed from the state alone.
     pub rounding: f64,
-    /// Longest remaining duration of the motion in its mode, s.
-    pub left: f64,
+    /// End of the motion in its mode at the latest.
+    pub until: Instant,
+}
+
+/// Change of a contact in a [`Lane`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LaneEvent {
+    /// Instant of the event.
+    pub at: Instant,
+    /// Index of the contact.
+    pub contact: usize,
+    /// State of the contact before.
+    pub was: ContactMode,
+    /// State of the contact after.
+    pub is: ContactMode,
+    /// Rate of the contact's deflection before, m/s.
+    pub rate: f64,
+}
+
+/// Derivative with respect to a start, which a [`Lane`] advances.
+#[derive(Debug)]
+pub struct LaneTangent<'a> {
+    /// The derivative, `[dim][count]`.
+    pub columns: &'a mut Columns,
+    /// `∫ div f dt + Σ ln |det|` of jumps so far.
+    pub volume: &'a mut f64,
+}
+
+/// Records that a [`Lane`] makes in place of calls to an observer, as far as the observer requests them.
+#[derive(Debug, Default)]
+pub struct LaneRecords<'a> {
+    /// Time in each state of each contact, s, in the order of [`ContactMode`].
+    pub times: Option<&'a mut [[f64; 5]]>,
+    /// Changes of contacts, in the order of time.
+    pub events: Option<&'a mut Vec<LaneEvent>>,
+    /// Largest absolute value of each component of the state at these changes, `[dim]`.
+    pub sizes: Option<&'a mut [f64]>,
+    /// Derivative.
+    pub tangent: Option<LaneTangent<'a>>,
+}
+
+impl<'a> LaneRecords<'a> {
+    /// Returns whether nothing is requested.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.times.is_none() && self.events.is_none() && self.sizes.is_none() && self.tangent.is_none()
+    }
+
+    /// Returns the records that either of two observers requests; `None` if both request the same one.
+    #[must_use]
+    pub fn and(self, other: Self) -> Option<Self> {
+        fn either<T>(first: Option<T>, second: Option<T>) -> Option<Option<T>> {
+            if first.is_some() && second.is_some() { None } else { Some(first.or(second)) }
+        }
+        Some(Self {
+            times: either(self.times, other.times)?,
+            events: either(self.events, other.events)?,
+            sizes: either(self.sizes, other.sizes)?,
+            tangent: either(self.tangent, other.tangent)?,
+        })
+    }
 }
 
 /// Host of a [`Lane`], which decides for it.
@@ -100,8 +166,17 @@ pub enum LapEnd {
     Sequence,
 }
 
-/// A motion from event to event without observers. It has the same bits as the motion under observation.
+/// A motion from event to event without calls to an observer. It has the same bits as the motion under observation.
 pub trait Lane {
+    /// Returns whether it can make the `records`.
+    fn makes(&self, records: &LaneRecords<'_>) -> bool;
+
     /// Advances from `point` within `limits`, until it cannot decide the next event.
-    fn run(&mut self, point: LanePoint<'_>, limits: LaneLimits, host: &mut dyn LaneHost) -> Lap;
+    fn run(
+        &mut self,
+        point: LanePoint<'_>,
+        limits: LaneLimits,
+        records: LaneRecords<'_>,
+        host: &mut dyn LaneHost,
+    ) -> Lap;
 }

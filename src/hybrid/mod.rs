@@ -2,6 +2,7 @@
 //!
 //! `docs/EVENTS.md` defines the terms.
 
+mod columns;
 mod contact;
 mod decimal;
 mod flow;
@@ -13,9 +14,11 @@ mod power;
 mod rows;
 mod system;
 
+pub use columns::Columns;
 pub use contact::{ContactMode, ContactView, Watch};
 pub use flow::VectorField;
 pub(crate) use flow::{AGREED, ARRIVED, GATHERED, MOST_MODES, are_finite, normalise};
+pub(crate) use lane::{PASSED, RECORDED};
 // Data between the engine and the series of a train: public for the traits that name them, without a promise.
 #[doc(hidden)]
 pub use flow::{
@@ -25,7 +28,7 @@ pub use flow::{
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
 #[doc(hidden)]
-pub use lane::{Lane, LaneHost, LaneLimits, LanePoint, Lap, LapEnd, Rebound};
+pub use lane::{Lane, LaneEvent, LaneHost, LaneLimits, LanePoint, LaneRecords, LaneTangent, Lap, LapEnd, Rebound};
 pub use mode::Mode;
 pub use power::{EnergyJump, PowerBalance, Powers, Transition};
 #[doc(hidden)]

@@ -57,7 +57,11 @@ pub trait HybridSystem {
     fn motion<'a>(&'a self, mode: &Mode) -> Option<Box<dyn JetField + 'a>> {
         None
     }
-    /// Returns a lane for motions without observers, if the system has one.
+    /// Returns whether the Taylor series of its modes are known.
+    fn has_series(&self) -> bool {
+        self.motion(&Mode::default()).is_some()
+    }
+    /// Returns a lane for motions without calls to an observer, if the system has one.
     fn lane<'a>(&'a self) -> Option<Box<dyn Lane + 'a>> {
         None
     }

@@ -43,7 +43,7 @@ impl fmt::Display for Choice {
     }
 }
 
-/// Builds the integrator for `system`, and returns the reason for the choice in a sentence.
+/// Builds the integrator for `system`.
 ///
 /// `rtol` is the relative tolerance of the methods other than Taylor, which always works to round-off.
 /// [`Choice::Auto`] uses [`PerMode`]. Flows with a known series get Taylor, with Radau steps where stiff power laws rest. Others get the
@@ -52,17 +52,35 @@ impl fmt::Display for Choice {
 /// # Errors
 /// [`IntegrateError::NoJet`] if Taylor is forced on a flow that can only be evaluated;
 /// [`IntegrateError::NotBuilt`] if the method is not part of this build.
-pub fn build(
-    choice: Choice,
-    rtol: f64,
-    system: &dyn HybridSystem,
-) -> Result<(Box<dyn Integrator>, String), IntegrateError> {
-    let series = system.motion(&Mode::default()).is_some();
+pub fn build(choice: Choice, rtol: f64, system: &dyn HybridSystem) -> Result<Box<dyn Integrator>, IntegrateError> {
+    let series = system.has_series();
+    let usual: Box<dyn Integrator> = match choice {
+        Choice::Taylor if !series => return Err(IntegrateError::NoJet),
+        Choice::Taylor => return Ok(Box::new(Taylor::default())),
+        Choice::Auto if series => Box::new(Relay::default()),
+        Choice::Auto => solver(Choice::Explicit, rtol)?,
+        forced => return solver(forced, rtol),
+    };
+    Ok(match solver(Choice::Bdf, rtol) {
+        Ok(stiff) => Box::new(PerMode { usual, stiff, picks: BTreeMap::new() }),
+        Err(_) => usual,
+    })
+}
+
+/// Returns the reason for the integrator that [`build`] builds, in a sentence.
+#[must_use]
+pub fn reason(choice: Choice, rtol: f64, system: &dyn HybridSystem) -> String {
+    let (plain, why) = match system.has_series() {
+        true => (Choice::Taylor, "the flow knows its Taylor series"),
+        false => (Choice::Explicit, "the flow can only be evaluated"),
+    };
     match choice {
-        Choice::Taylor if !series => Err(IntegrateError::NoJet),
-        Choice::Taylor => Ok((Box::new(Taylor::default()), "taylor: asked for".to_owned())),
-        Choice::Auto => auto(rtol, series),
-        forced => Ok((solver(forced, rtol)?, format!("{forced}: asked for, rtol {rtol:e}"))),
+        Choice::Taylor => "taylor: asked for".to_owned(),
+        Choice::Auto if cfg!(feature = "diffsol") => {
+            format!("auto: {plain}, as {why}; bdf with rtol {rtol:e} in stiff modes")
+        }
+        Choice::Auto => format!("auto: {plain}, as {why}; this build has no method for stiff modes"),
+        forced => format!("{forced}: asked for, rtol {rtol:e}"),
     }
 }
 
@@ -79,19 +97,6 @@ fn solver(choice: Choice, rtol: f64) -> Result<Box<dyn Integrator>, IntegrateErr
 #[cfg(not(feature = "diffsol"))]
 fn solver(choice: Choice, _rtol: f64) -> Result<Box<dyn Integrator>, IntegrateError> {
     Err(IntegrateError::NotBuilt { method: choice.name() })
-}
-
-fn auto(rtol: f64, series: bool) -> Result<(Box<dyn Integrator>, String), IntegrateError> {
-    let plain = if series { Choice::Taylor } else { Choice::Explicit };
-    let usual: Box<dyn Integrator> = if series { Box::new(Relay::default()) } else { solver(Choice::Explicit, rtol)? };
-    let why = if series { "the flow knows its Taylor series" } else { "the flow can only be evaluated" };
-    Ok(match solver(Choice::Bdf, rtol) {
-        Ok(stiff) => {
-            let text = format!("auto: {plain}, as {why}; bdf with rtol {rtol:e} in stiff modes");
-            (Box::new(PerMode { usual, stiff, picks: BTreeMap::new() }), text)
-        }
-        Err(_) => (usual, format!("auto: {plain}, as {why}; this build has no method for stiff modes")),
-    })
 }
 
 /// Number of steps of a method limited by the fastest decay, per forcing period, above which a mode counts as stiff.

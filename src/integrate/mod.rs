@@ -16,7 +16,7 @@ use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Po
 
 #[cfg(feature = "diffsol")]
 pub use self::diffsol::{Diffsol, Method};
-pub use choice::{Choice, PerMode, build};
+pub use choice::{Choice, PerMode, build, reason};
 #[doc(hidden)]
 pub use radau::Tableau;
 use relay::Relay;

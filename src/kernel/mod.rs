@@ -15,8 +15,6 @@ mod mode;
 mod series;
 mod ways;
 
-pub(crate) use ways::{Lane, LaneEvent, LaneRecords};
-
 use std::cell::RefCell;
 
 use mode::motion::Motion;

@@ -2,19 +2,13 @@
 
 use std::ops::ControlFlow;
 
-use super::runner::Runner;
 use crate::{
     engine::{JumpRecord, Observer, State},
-    hybrid::{ContactView, Instant, Mode},
+    hybrid::{ContactView, Instant, LaneRecords, Mode},
     integrate::DenseStep,
-    kernel::LaneRecords,
-    orbit::{
-        Approach, Motion, Orbit, Section, SectionMap, WatchTime, decide,
-        kind::{STANDS, kind_of},
-        mover::{EngineMover, Mover},
-    },
+    orbit::{Approach, Motion, Section, SectionMap, WatchTime, decide},
     simulation::{Simulation, SimulationError},
-    system::{ContactMode, Structure, guard_of},
+    system::{Structure, guard_of},
     task::Task,
 };
 
@@ -102,46 +96,50 @@ fn average(values: &[f64]) -> [f64; 2] {
     [mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()]
 }
 
-/// Times in which contacts are separated, and the flanks that they touch.
+/// Times of contacts in their states, and the flanks that they strike.
 #[derive(Debug)]
 struct Flanks<'s> {
     structure: &'s Structure,
-    /// Time of separation of each contact, s.
-    apart: Vec<f64>,
-    /// Total time, s.
-    time: f64,
-    /// True for each contact if it occurs separated, on the drive flank, on the back flank.
-    met: Vec<[bool; 3]>,
+    /// Time of each contact in each state, s, in the order of [`ContactMode`](crate::hybrid::ContactMode).
+    times: Vec<[f64; 5]>,
+    /// True for each contact if an impact occurs on the drive flank, on the back flank.
+    struck: Vec<[bool; 2]>,
 }
 
 impl<'s> Flanks<'s> {
     fn new(structure: &'s Structure) -> Self {
         let contacts = structure.contact_count();
-        Self { structure, apart: vec![0.0; contacts], time: 0.0, met: vec![[false; 3]; contacts] }
+        Self { structure, times: vec![[0.0; 5]; contacts], struck: vec![[false; 2]; contacts] }
     }
 
     fn add(&mut self, mode: &Mode, time: f64) {
-        self.time += time;
-        for (j, (apart, met)) in self.apart.iter_mut().zip(&mut self.met).enumerate() {
-            match self.structure.contact_mode(j, mode) {
-                ContactMode::Separated => {
-                    *apart += time;
-                    met[0] = true;
-                }
-                ContactMode::Drive | ContactMode::DriveDetached => met[1] = true,
-                ContactMode::Back | ContactMode::BackDetached => met[2] = true,
-            }
+        for (j, times) in self.times.iter_mut().enumerate() {
+            times[self.structure.contact_mode(j, mode) as usize] += time;
         }
     }
 
+    /// Returns the share of time in which each contact is separated.
+    fn apart(&self) -> Vec<f64> {
+        self.times.iter().map(|times| times[0] / times.iter().sum::<f64>()).collect()
+    }
+
     fn impacts(&self) -> Impacts {
-        self.met.iter().map(|met| Impacts::of(*met)).max().unwrap_or(Impacts::None)
+        let of = |([separated, drive, back, drive_detached, back_detached], struck): (&[f64; 5], &[bool; 2])| {
+            let met = [*separated, drive + drive_detached, back + back_detached].map(|time| time > 0.0);
+            // An impact takes no time.
+            Impacts::of([met[0], met[1] || struck[0], met[2] || struck[1]])
+        };
+        self.times.iter().zip(&self.struck).map(of).max().unwrap_or(Impacts::None)
     }
 }
 
 impl Observer for Flanks<'_> {
     fn wants_steps(&self, _: &Mode, _: Instant) -> bool {
         false
+    }
+
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        Some(LaneRecords { times: Some(&mut self.times), ..LaneRecords::default() })
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
@@ -159,9 +157,8 @@ impl Observer for Flanks<'_> {
     }
 
     fn jump(&mut self, jumped: &JumpRecord<'_>) {
-        // An impact takes no time.
         for (j, watch) in jumped.to.struck.iter().map(guard_of) {
-            self.met[j][if watch.side() > 0.0 { 1 } else { 2 }] = true;
+            self.struck[j][usize::from(watch.side() < 0.0)] = true;
         }
     }
 }
@@ -184,111 +181,48 @@ impl CellRule {
         WatchTime { cycles: self.further_cycles / 2, doublings: 1, is_settled: true }
     }
 
-    /// Returns the result of [`decide_generally`](Self::decide_generally), by a lane if the train has one.
+    /// Runs `simulation` from `start` until the kind of its motion is known, or the allowed cycles do not decide it. `None` if the run is
+    /// interrupted.
     ///
     /// # Errors
-    /// Errors of that function.
+    /// [`SimulationError`] if the run fails.
     pub fn decide(
         &self,
         simulation: &Simulation,
         start: State,
         task: Task<'_>,
     ) -> Result<Option<Cell>, SimulationError> {
-        SectionMap::new(simulation)?.repeats()?;
-        let rule = self.counted(simulation);
-        match rule.decide_in_lane(simulation, &start, task)? {
-            Some(cell) => Ok(Some(cell)),
-            None => rule.decide_generally(simulation, start, task),
-        }
-    }
-
-    /// Returns the result of [`decide`](Self::decide) by a lane; `None` if the train or its motion has none.
-    fn decide_in_lane(
-        &self,
-        simulation: &Simulation,
-        start: &State,
-        task: Task<'_>,
-    ) -> Result<Option<Cell>, SimulationError> {
-        let Some(mut lane) = Runner::new(simulation)? else { return Ok(None) };
-        lane.begin(start);
-        let Some(approached) = self.approach().along(&mut lane, task)? else { return Ok(None) };
-        // A run that stands on an orbit is moved off it first, which an engine does.
-        if approached.orbit.is_none() && approached.distance <= STANDS {
-            return Ok(None);
-        }
-        let motion = Motion::of(&approached);
-        let decided = match approached.orbit {
-            Some(orbit) => Some((motion, Some(orbit))),
-            None => kind_of(&mut lane, motion, self.watching(), task)?,
-        };
-        let Some((motion, orbit)) = decided else { return Ok(None) };
-        let times = match &orbit {
-            Some(orbit) => lane.times(&orbit.section, orbit.period)?,
-            None => Some(lane.records.times),
-        };
-        let Some([separated, drive, back, drive_detached, back_detached]) = times else { return Ok(None) };
-        let total = separated + drive + back + drive_detached + back_detached;
-        let met = [separated > 0.0, drive + drive_detached > 0.0, back + back_detached > 0.0];
-        let flanks = Flanks { structure: &simulation.structure, apart: vec![separated], time: total, met: vec![met] };
-        // Averages need no derivative.
-        lane.records = LaneRecords::default();
-        self.cell(&mut lane, motion, orbit, &flanks)
-    }
-
-    /// Returns the cell of a motion that `mover` is on, or of its orbit. `None` if the run is interrupted.
-    fn cell<'s>(
-        &self,
-        mover: &mut impl Mover<'s>,
-        motion: Motion,
-        orbit: Option<Orbit>,
-        flanks: &Flanks<'_>,
-    ) -> Result<Option<Cell>, SimulationError> {
-        let period = mover.map().0.simulation().period()?;
-        let exponent = match &orbit {
-            Some(orbit) => Some(libm::log(orbit.largest_multiplier()) / (orbit.period as f64 * period)),
-            None => motion.exponent.map(|[exponent, _]| exponent),
-        };
-        let section = orbit.map_or_else(|| mover.section(), |orbit| orbit.section);
-        let mut averages = Vec::new();
-        if motion.period.is_none() && self.averages {
-            let mut seen = vec![Vec::new(); section.x.len()];
-            for _ in 0..self.further_cycles {
-                if !mover.cycle()? {
-                    return Ok(None);
-                }
-                seen.iter_mut().zip(mover.point().as_ref()).for_each(|(seen, x)| seen.push(*x));
-            }
-            averages = seen.iter().map(|values| average(values)).collect();
-        }
-        // A multiplier of zero has no exponent.
-        let exponent = exponent.filter(|exponent| exponent.is_finite());
-        let apart = flanks.apart.iter().map(|apart| apart / flanks.time).collect();
-        Ok(Some(Cell { impacts: flanks.impacts(), apart, exponent, section, averages, motion }))
-    }
-
-    /// Runs `simulation` from `start` until the kind of its motion is known, or the allowed cycles do not decide it. `None` if the run is
-    /// interrupted.
-    ///
-    /// # Errors
-    /// [`SimulationError`] if the run fails.
-    pub fn decide_generally(
-        &self,
-        simulation: &Simulation,
-        start: State,
-        task: Task<'_>,
-    ) -> Result<Option<Cell>, SimulationError> {
         let map = SectionMap::new(simulation)?;
+        map.repeats()?;
+        let (rule, period) = (self.counted(simulation), simulation.period()?);
         let mut engine = simulation.engine(start)?;
-        let Some(approached) = self.approach().run(&map, &mut engine, &mut (), task)? else { return Ok(None) };
+        let Some(approached) = rule.approach().run(&map, &mut engine, &mut (), task)? else { return Ok(None) };
         let mut flanks = Flanks::new(&simulation.structure);
-        let decided = decide(&map, &mut engine, &approached, self.watching(), &mut flanks, task)?;
+        let decided = decide(&map, &mut engine, &approached, rule.watching(), &mut flanks, task)?;
         let Some((motion, decided)) = decided else { return Ok(None) };
         let orbit = approached.orbit.or(decided);
         if let Some(orbit) = &orbit {
             flanks = Flanks::new(flanks.structure);
             map.watch(&orbit.section, orbit.period, &mut flanks)?;
         }
-        let drift = map.drift();
-        self.cell(&mut EngineMover::new(map, &drift, &mut engine, &mut ()), motion, orbit, &flanks)
+        let exponent = match &orbit {
+            Some(orbit) => Some(libm::log(orbit.largest_multiplier()) / (orbit.period as f64 * period)),
+            None => motion.exponent.map(|[exponent, _]| exponent),
+        };
+        let section = orbit.map_or_else(|| map.section(engine.state()), |orbit| orbit.section);
+        let mut averages = Vec::new();
+        if motion.period.is_none() && rule.averages {
+            let mut seen = vec![Vec::new(); section.x.len()];
+            for _ in 0..rule.further_cycles {
+                if !map.cycle(&mut engine, &mut ())? {
+                    return Ok(None);
+                }
+                seen.iter_mut().zip(&engine.state().x).for_each(|(seen, x)| seen.push(*x));
+            }
+            averages = seen.iter().map(|values| average(values)).collect();
+        }
+        // A multiplier of zero has no exponent.
+        let exponent = exponent.filter(|exponent| exponent.is_finite());
+        Ok(Some(Cell { impacts: flanks.impacts(), apart: flanks.apart(), exponent, section, averages, motion }))
     }
 }

@@ -291,7 +291,8 @@ impl Diagram {
             }
         }
         let record = walk.record(self.sampling.recorded_cycles)?.ok_or_else(stopped)?;
-        Ok((record, Seed { x: walk.x().to_vec(), contacts: walk.contacts() }))
+        let Section { x, contacts } = walk.section();
+        Ok((record, Seed { x, contacts }))
     }
 
     /// Returns the values on which the rows depend.

@@ -11,7 +11,6 @@ mod edges;
 mod kinds;
 mod picture;
 mod plane;
-mod runner;
 mod sweep_figure;
 mod tally;
 mod walk;

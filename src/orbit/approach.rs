@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Drift, Orbit, SectionMap,
-    mover::{EngineMover, Mover},
+    mover::{Mover, Point},
     newton::Options,
     rest::returns,
     unknowns::{Unknowns, distance},
     words::sorted,
 };
 use crate::{
-    engine::{Engine, Observer, Outcome},
+    engine::{Engine, Observer},
     simulation::SimulationError,
     task::Task,
 };
@@ -148,18 +148,17 @@ impl Approach {
         let start = engine.state().at;
         if clock.between(clock.at(start.cycle, 0.0), start) > 0.0 {
             // A start within a cycle first completes it.
-            let at = clock.at(start.cycle + 1, 0.0);
-            if engine.run(at, observer)? != Outcome::ReachedEnd {
+            if !map.cycle(engine, observer)? {
                 return Ok(None);
             }
         }
-        self.along(&mut EngineMover::new(*map, &drift, engine, observer), task)
+        self.along(&mut Mover::new(*map, &drift, engine, observer), task)
     }
 
-    /// Does the same for any way to run the motion, from the start of a cycle.
-    pub(crate) fn along<'s, M: Mover<'s>>(
+    /// Does the same from the start of a cycle.
+    pub(super) fn along(
         &self,
-        mover: &mut M,
+        mover: &mut Mover<'_, '_>,
         task: Task<'_>,
     ) -> Result<Option<ApproachEnd>, SimulationError> {
         let mut sections = VecDeque::from([mover.point()]);
@@ -195,8 +194,7 @@ impl Approach {
                 sections.drain(..sections.len().saturating_sub(kept));
             }
         }
-        let sections: &[M::Point] = sections.make_contiguous();
-        let (map, drift) = mover.map();
+        let (sections, map, drift) = (&*sections.make_contiguous(), mover.map, mover.drift);
         let distance = match sections {
             [.., before, last] => distance(&map, last, before, &map.scales_of(sections), drift),
             _ => f64::INFINITY,
@@ -206,15 +204,15 @@ impl Approach {
     }
 
     /// Returns a stable orbit near the last of `sections`, from Newton's method, or the rest there.
-    fn candidate<'s, M: Mover<'s>>(
+    fn candidate(
         &self,
-        mover: &mut M,
-        sections: &[M::Point],
+        mover: &mut Mover<'_, '_>,
+        sections: &[Point],
         (cycles, unstable, reason, task): (u64, &mut Vec<Vec<f64>>, &mut Option<String>, Task<'_>),
     ) -> Result<Option<Orbit>, SimulationError> {
-        let (map, drift) = mover.map();
+        let (map, drift) = (mover.map, mover.drift);
         if let [.., before, last] = sections
-            && returns(map.simulation(), before.as_ref(), last.as_ref(), cycles)
+            && returns(map.simulation(), before, last, cycles)
             && let Some(orbit) = map.rest(mover.section(), cycles)?
         {
             return Ok(Some(orbit));
@@ -231,8 +229,11 @@ impl Approach {
             .filter(|(apart, _)| *apart <= NEAR)
             .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)));
         let Some((_, period)) = near else { return Ok(None) };
-        let options = Options { patience: Some(PATIENCE), task, ..Options::default() };
-        match mover.solve(period as u64, options) {
+        // The last return is tried in any case.
+        let is_stable = cycles < self.most_cycles;
+        let options = Options { patience: Some(PATIENCE), is_stable, task, ..Options::default() };
+        let start = vec![mover.section()];
+        match map.newton(&mut mover.spare, (start, period as u64), drift, options) {
             Ok(orbit) if !orbit.is_stable => {
                 *reason = Some("the orbit near the end of the run is not stable".into());
                 unstable.push(orbit.section.x);
@@ -257,21 +258,21 @@ impl Approach {
     }
 
     /// Runs some further periods, adds their sections, and returns whether the run approaches `orbit` as required.
-    fn follow<'s, M: Mover<'s>>(
+    fn follow(
         &self,
-        mover: &mut M,
+        mover: &mut Mover<'_, '_>,
         orbit: &Orbit,
-        (sections, task): (&mut VecDeque<M::Point>, Task<'_>),
+        (sections, task): (&mut VecDeque<Point>, Task<'_>),
     ) -> Result<Option<bool>, SimulationError> {
-        let (map, drift) = mover.map();
+        let (map, drift) = (mover.map, mover.drift);
         let attraction = Attraction::new(&map, orbit, drift);
         let word = sorted(&orbit.image.word);
-        let mut before = attraction.of(mover.point().as_ref());
+        let mut before = attraction.of(&mover.point());
         for _ in 0..FOLLOWED {
             let Some(spelt) = mover.spell(orbit.period, sections)?.filter(|_| !task.is_cancelled()) else {
                 return Ok(None);
             };
-            let now = attraction.of(mover.point().as_ref());
+            let now = attraction.of(&mover.point());
             let is_there = now[1].sqrt() <= self.tolerance;
             let comes = now[0] <= before[0] - CONTRACTS * before[1];
             if sorted(&spelt) != word || !(is_there || comes) {

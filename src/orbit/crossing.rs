@@ -131,7 +131,7 @@ impl<'a> GuardMap<'a> {
             jacobian,
             time_by,
             by_number: (by_number, time_by_number),
-            word: words.tokens(),
+            word: words.take(),
             corner: tangent.corner,
             end,
         })

@@ -5,16 +5,17 @@ use std::ops::ControlFlow;
 use super::{Drift, Tangent};
 use crate::{
     engine::{JumpRecord, Observer, State},
-    hybrid::{HybridSystem, Instant, Mode},
+    hybrid::{Columns, HybridSystem, Instant, LaneRecords, Mode},
     integrate::DenseStep,
     simulation::Simulation,
-    system::Columns,
 };
 
 /// Ratio to the largest column below which a column is rounding after contacts have come to rest: the derivative has lost a rank.
 const LOST: f64 = 1e-11;
 /// Longest time between two orthonormalisations, times the rate: columns have then turned to each other by a factor of 1e3.
 const TURNED: f64 = 7.0;
+/// Size of a column below which its factor is taken out after a lane. Its inverse is the upper limit.
+const SMALL: f64 = 1e-30;
 /// Tangent whose columns are kept orthonormal.
 pub(crate) struct Frame<'s> {
     pub(super) tangent: Tangent<'s>,
@@ -49,7 +50,7 @@ pub(crate) fn rate_scale(simulation: &Simulation) -> f64 {
 }
 
 /// Returns one column for the largest exponent, along no symmetry of a train.
-pub(crate) fn column(simulation: &Simulation) -> Columns {
+fn column(simulation: &Simulation) -> Columns {
     let (structure, scale) = (&simulation.structure, rate_scale(simulation));
     let n = structure.freedoms();
     let latches = structure.dim() - 2 * n;
@@ -249,6 +250,19 @@ impl<'s> Frame<'s> {
 impl Observer for Frame<'_> {
     fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
         self.tangent.wants_steps(mode, until)
+    }
+
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        // Several columns turn to each other, and need their factors taken out on the way.
+        if self.tangent.columns.count > 1 { None } else { self.tangent.records() }
+    }
+
+    fn skip(&mut self, _: Instant) -> ControlFlow<()> {
+        let size = self.tangent.columns.values.iter().fold(0.0, |m: f64, value| m.max(value.abs()));
+        if !(SMALL..=SMALL.recip()).contains(&size) {
+            self.orthonormalise();
+        }
+        ControlFlow::Continue(())
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {

@@ -9,7 +9,7 @@ use super::{
     Approach, ApproachEnd, Drift, Orbit, SectionMap,
     approach::{BESIDE, NEAR, closing, return_distances},
     averages::means,
-    mover::{EngineMover, Mover},
+    mover::{Mover, Point},
     section::Section,
     unknowns::{ACCELERATES, Unknowns, distance},
 };
@@ -114,7 +114,7 @@ pub(super) const DETERMINED: f64 = 32.0;
 /// cycles, which looks like an exponent.
 pub(super) const PARTED: f64 = 10.0;
 /// Distance of two sections, in scales, below which a run rests on an orbit.
-pub(crate) const STANDS: f64 = 1e-9;
+const STANDS: f64 = 1e-9;
 /// Perturbation away from an unstable orbit, in sizes of the state.
 const PUSHED: f64 = 1e-6;
 /// Distance, in scales, below which a section has returned.
@@ -193,12 +193,12 @@ fn digits(values: &[f64]) -> f64 {
 }
 
 /// Further cycles of a motion, with the growth of a difference and observables.
-pub(super) struct MotionCycles<P> {
+pub(super) struct MotionCycles {
     /// Logarithms of the growth of the difference, a row for each cycle.
     pub rows: Vec<[f64; 1]>,
     /// True for each cycle in which rest has taken a rank of the difference.
     lost: Vec<bool>,
-    pub points: Vec<P>,
+    pub points: Vec<Point>,
     observables: [Vec<f64>; 4],
     is_settled: bool,
 }
@@ -260,15 +260,15 @@ impl Figures {
     }
 }
 
-impl<P: AsRef<[f64]>> MotionCycles<P> {
-    pub fn new<'s>(mover: &mut impl Mover<'s, Point = P>, is_settled: bool) -> Self {
+impl MotionCycles {
+    pub fn new(mover: &mut Mover<'_, '_>, is_settled: bool) -> Self {
         mover.carry();
         let observables = [const { Vec::new() }; 4];
         Self { rows: Vec::new(), lost: Vec::new(), points: Vec::new(), observables, is_settled }
     }
 
     /// Runs one further cycle and returns whether it ended.
-    pub fn cycle<'s>(&mut self, mover: &mut impl Mover<'s, Point = P>) -> Result<bool, SimulationError> {
+    pub fn cycle(&mut self, mover: &mut Mover<'_, '_>) -> Result<bool, SimulationError> {
         if !mover.cycle()? {
             return Ok(false);
         }
@@ -276,7 +276,7 @@ impl<P: AsRef<[f64]>> MotionCycles<P> {
         self.rows.push([growth]);
         self.lost.push(is_lost);
         let point = mover.point();
-        mover.map().0.observe(point.as_ref(), &mut self.observables);
+        mover.map.observe(&point, &mut self.observables);
         self.points.push(point);
         Ok(true)
     }
@@ -374,21 +374,21 @@ pub fn decide<'s>(
             return Ok(Some((motion, found.orbit)));
         }
     }
-    kind_of(&mut EngineMover::new(*map, &drift, engine, observer), motion, watching, task)
+    kind_of(&mut Mover::new(*map, &drift, engine, observer), motion, watching, task)
 }
 
-/// Decides on a motion without a known orbit from further cycles, for any way to run it.
-pub(crate) fn kind_of<'s>(
-    mover: &mut impl Mover<'s>,
+/// Decides on a motion without a known orbit from further cycles.
+fn kind_of(
+    mover: &mut Mover<'_, '_>,
     mut motion: Motion,
     watching: WatchTime,
     task: Task<'_>,
 ) -> Result<Option<(Motion, Option<Orbit>)>, SimulationError> {
-    let (map, drift) = (mover.map().0, mover.map().1.clone());
+    let (map, drift) = (mover.map, mover.drift);
     let period = map.simulation().period()?;
     let ends =
         |motion: Motion, kind: MotionKind, reason: Option<String>| Ok(Some((Motion { kind, reason, ..motion }, None)));
-    let first = largest(mover.point().as_ref()).max(f64::MIN_POSITIVE);
+    let first = largest(&mover.point()).max(f64::MIN_POSITIVE);
     let mut watched = MotionCycles::new(mover, watching.is_settled);
     let mut tried = None;
     for doubled in 0..=watching.doublings {
@@ -397,7 +397,7 @@ pub(crate) fn kind_of<'s>(
                 return Ok(None);
             }
             motion.cycles += 1;
-            if largest(mover.point().as_ref()) > ESCAPED * first {
+            if largest(&mover.point()) > ESCAPED * first {
                 let reason = format!("its state has grown {ESCAPED:e} times: it escapes");
                 return ends(motion, MotionKind::Transient, Some(reason));
             }
@@ -408,7 +408,7 @@ pub(crate) fn kind_of<'s>(
         let figures = watched.figures(period);
         motion.exponent = Some([figures.exponent, figures.band]).filter(|e| e.iter().all(|e| e.is_finite()));
         // A section that returns, however late, and an exponent not clearly above zero: search for an orbit again.
-        let closes = watched.closes(&map, &drift);
+        let closes = watched.closes(&map, drift);
         if closes.is_some_and(|cycles| figures.growth * cycles as f64 > DETERMINED) {
             // Rest makes the section return; rounding before it decides when.
             let reason = "it comes to rest again and again, and amplifies rounding too much in between to have a period in doubles";
@@ -431,7 +431,7 @@ pub(crate) fn kind_of<'s>(
         }
         let is_last = doubled == watching.doublings;
         if figures.is_chaotic(period, is_last) && (is_last || !watching.is_settled || !figures.is_low()) {
-            if watched.leaves(&map, &drift) {
+            if watched.leaves(&map, drift) {
                 let reason = format!("it still leaves an unstable orbit after {} cycles", motion.cycles);
                 return ends(Motion { exponent: None, ..motion }, MotionKind::Transient, Some(reason));
             }
@@ -440,7 +440,7 @@ pub(crate) fn kind_of<'s>(
     }
     let (cycles, figures) = (motion.cycles, watched.figures(period));
     // If neighbours part, sections approach each other by chance alone.
-    if !figures.parts() && closing(return_distances(&map, &watched.points, LONG as usize, &drift)) <= CLOSING {
+    if !figures.parts() && closing(return_distances(&map, &watched.points, LONG as usize, drift)) <= CLOSING {
         return ends(motion, MotionKind::Transient, Some(still_closing(cycles)));
     }
     if watched.grows() {
@@ -483,9 +483,9 @@ impl SectionMap<'_> {
 
 /// Returns the turns per cycle around the orbit of one cycle that the motion encloses. They are the weighted average of the increments of
 /// the angle in the plane of its largest pair of complex multipliers.
-fn rotation<'s, M: Mover<'s>>(mover: &M, points: &[M::Point]) -> Option<f64> {
-    let ((map, drift), Section { x, contacts }) = (mover.map(), mover.section());
-    let middle = |i: usize| weighted(&points.iter().map(|x| x.as_ref()[i]).collect::<Vec<_>>());
+fn rotation(mover: &Mover<'_, '_>, points: &[Point]) -> Option<f64> {
+    let (map, drift, Section { x, contacts }) = (mover.map, mover.drift, mover.section());
+    let middle = |i: usize| weighted(&points.iter().map(|x| x[i]).collect::<Vec<_>>());
     let start = Section { x: (0..x.len()).map(middle).collect(), contacts };
     let orbit = map.solve(&start, 1, drift).ok()?;
     let pair = orbit.multipliers.iter().find(|m| m.im > 0.0)?;
@@ -496,8 +496,8 @@ fn rotation<'s, M: Mover<'s>>(mover: &M, points: &[M::Point]) -> Option<f64> {
         reduced.transpose().map(|v| Complex::new(v, 0.0)) - DMatrix::identity(reduced.nrows(), reduced.ncols()) * *pair;
     let vectors = shifted.svd(false, true).v_t?;
     let row = vectors.row(vectors.nrows() - 1).map(|v| v.conj());
-    let place = |x: &M::Point| {
-        let off = unknowns.between(&orbit.section.x, x.as_ref());
+    let place = |x: &Point| {
+        let off = unknowns.between(&orbit.section.x, x);
         row.iter().zip(off.iter()).map(|(u, y)| u * *y).sum::<Complex<f64>>()
     };
     let mean = pair.arg();

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Drift, INTERRUPTED, SectionMap,
-    section::{Image, Section, number},
+    section::{Image, Section, SpareEngine, number},
     shooting::{MOST, Shots, cyclic, eigenvalues, pseudo_inverse},
     unknowns::Unknowns,
 };
@@ -21,11 +21,17 @@ const CHORD: f64 = 0.3;
 const LONGEST: f64 = 50.0;
 const SHORT: f64 = 1e-13;
 /// Residual, in scales, below which an orbit counts as found.
-pub(crate) const CLOSED: f64 = 1e-10;
+const CLOSED: f64 = 1e-10;
 /// Two states nearer than this, in scales, are the same point of an orbit.
 pub(crate) const SAME: f64 = 1e-6;
 /// Distance of a multiplier from the unit circle that rounding can cause: for a pair of ones, the root of the rounding of 1.
 pub(crate) const MARGINAL: f64 = 1e-8;
+/// Largest multiplier of a derivative near a stable orbit. A run that approaches one comes to where it is less.
+const PARTING: f64 = 10.0;
+/// Rounding of a derivative, relative to its largest multiplier, above which its multipliers come from those of its cycles.
+const ROUNDED: f64 = 1e-10;
+/// Ratio of two multipliers below which the smaller one follows from their product.
+const SMALL: f64 = 1e-3;
 /// Reason for which a state that returns starts no orbit.
 const UNLIKE: &str = "what contacts do at the start of a cycle is not what the cycle before leaves";
 
@@ -64,6 +70,8 @@ pub struct Orbit {
 pub(crate) struct Options<'a> {
     /// Steps in which the residual must fall by half, or the search ends.
     pub patience: Option<usize>,
+    /// True if only stable orbits are searched for.
+    pub is_stable: bool,
     /// States of known orbits, which the search avoids.
     pub known: &'a [Vec<f64>],
     /// Task whose cancellation ends the search between two steps.
@@ -110,6 +118,14 @@ impl Orbit {
         condition: f64,
     ) -> Self {
         let (mut multipliers, period) = (eigenvalues(factors), image.between.len() as u64);
+        if let ([large, small], Some(product)) = (&mut multipliers[..], image.log_determinant) {
+            if large.norm() < small.norm() {
+                std::mem::swap(large, small);
+            }
+            if large.im == 0.0 && small.norm() < SMALL * large.norm() {
+                *small = Complex::new(libm::exp(product - libm::log(large.norm())) * large.re.signum(), 0.0);
+            }
+        }
         let neutral = section.x.len() - unknowns.count();
         let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
         let is_marginal = image.corner.is_some() || multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
@@ -163,13 +179,13 @@ impl Orbit {
     }
 }
 
-impl SectionMap<'_> {
+impl<'s> SectionMap<'s> {
     /// Returns the orbit of `period` cycles near `start`, by Newton's method.
     ///
     /// # Errors
     /// [`NewtonFailure`], if it does not converge.
     pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, NewtonFailure> {
-        self.newton((vec![start.clone()], period), drift, Options::default())
+        self.newton(&mut None, (vec![start.clone()], period), drift, Options::default())
     }
 
     /// Returns the orbit near `trail`, which has a section for each step of the period: for each cycle, unless the map is divided.
@@ -177,12 +193,13 @@ impl SectionMap<'_> {
     /// # Errors
     /// [`NewtonFailure`], if Newton's method does not converge, or if the period has more than 600 unknowns.
     pub fn shoot(&self, trail: &[Section], drift: &Drift) -> Result<Orbit, NewtonFailure> {
-        self.newton((trail.to_vec(), 1), drift, Options::default())
+        self.newton(&mut None, (trail.to_vec(), 1), drift, Options::default())
     }
 
-    /// Returns the orbit near some sections, `cycles` cycles apart.
+    /// Returns the orbit near some sections, `cycles` cycles apart, with a `spare` engine.
     pub(super) fn newton(
         &self,
+        spare: &mut SpareEngine<'s>,
         (sections, cycles): (Vec<Section>, u64),
         drift: &Drift,
         options: Options<'_>,
@@ -192,9 +209,13 @@ impl SectionMap<'_> {
             return Err(missed(f64::INFINITY, "the period has too many unknowns for multiple shooting"));
         }
         self.repeats()?;
-        let shots = |sections| Shots::new(self, (sections, cycles), &[], drift);
-        let mut now = shots(sections)?;
+        let mut now = Shots::new((self, spare), (sections, cycles), &[], drift)?;
         let (mut best, first) = (now.residual, now.residual);
+        let factors = if options.is_stable { now.factors() } else { Vec::new() };
+        let is_finite = factors.iter().flat_map(DMatrix::iter).all(|entry| entry.is_finite());
+        if is_finite && eigenvalues(&factors).iter().any(|m| m.norm() > PARTING) {
+            return Err(missed(best, "neighbours part too fast for a stable orbit near the end of the run"));
+        }
         for step in 0..STEPS {
             if options.task.is_cancelled() {
                 return Err(missed(best, INTERRUPTED));
@@ -208,7 +229,7 @@ impl SectionMap<'_> {
             let step = step / (1.0 - change);
             let (length, is_closed) = (now.largest(&step), now.residual <= CLOSED);
             if is_closed && length <= SHORT {
-                return self.settle(now, drift);
+                return self.settle(spare, now, drift);
             }
             if length > LONGEST {
                 return Err(missed(best, "a step of Newton's method leaves the range of the motion"));
@@ -222,7 +243,7 @@ impl SectionMap<'_> {
             let trial = (0..=halvings).find_map(|halved| {
                 let step = &step * 0.5f64.powi(halved);
                 let trial = now.moved(&now.sections, &step);
-                let there = now.off_at(self, &trial)?;
+                let there = now.off_at((self, spare), &trial)?;
                 let [weight_there, _] = options.deflation(&now, &trial, None);
                 (weight_there * now.largest(&there) < weight * now.residual).then_some((trial, there, step, halved))
             });
@@ -245,34 +266,34 @@ impl SectionMap<'_> {
                     step = -(&*inverse * &there);
                     let further = now.moved(&trial, &step);
                     let falls = |off: &DVector<f64>| now.largest(off) < now.largest(&there);
-                    let Some(off) = now.off_at(self, &further).filter(falls) else { break };
+                    let Some(off) = now.off_at((self, spare), &further).filter(falls) else { break };
                     fell = now.largest(&off) / now.largest(&there);
                     (trial, before) = (further, std::mem::replace(&mut there, off));
                 }
-                shots(trial).ok()
+                Shots::new((self, spare), (trial, cycles), &[], drift).ok()
             });
             match next {
                 Some(next) => {
                     best = best.min(next.residual);
                     now = next;
                 }
-                None if is_closed => return self.settle(now, drift),
+                None if is_closed => return self.settle(spare, now, drift),
                 None => return Err(missed(best, "no step of Newton's method makes the residual smaller")),
             }
         }
         if now.residual <= CLOSED {
-            return self.settle(now, drift);
+            return self.settle(spare, now, drift);
         }
         Err(missed(best, "Newton's method does not converge"))
     }
 
     /// Returns the orbit found, reduced to its smallest period.
-    fn settle(&self, mut shots: Shots, drift: &Drift) -> Result<Orbit, NewtonFailure> {
+    fn settle(&self, spare: &mut SpareEngine<'s>, mut shots: Shots, drift: &Drift) -> Result<Orbit, NewtonFailure> {
         let cycles = shots.cycles;
         if !shots.is_alike() {
             // The states are those of the orbit; the modes of the contacts follow from the motion before them.
             let none = DVector::zeros(shots.off.len());
-            shots = Shots::new(self, (shots.moved(&shots.sections, &none), cycles), &[], drift)?;
+            shots = Shots::new((self, spare), (shots.moved(&shots.sections, &none), cycles), &[], drift)?;
             if shots.residual.is_nan() || shots.residual > CLOSED || !shots.is_alike() {
                 return Err(NewtonFailure { residual: shots.residual, reason: UNLIKE.to_owned() });
             }
@@ -283,14 +304,16 @@ impl SectionMap<'_> {
         if let Some(shorter) = (1..period).filter(|k| period.is_multiple_of(*k)).find(closes) {
             let left = sections[..sections.len().div_ceil(period / shorter)].to_vec();
             let cycles = if cycles == 1 { 1 } else { shorter as u64 };
-            return self.newton((left, cycles), drift, Options::default());
+            return self.newton(spare, (left, cycles), drift, Options::default());
         }
         let mut factors = shots.factors();
         let condition = cyclic(&factors).singular_values().min().recip();
-        if cycles > 1 {
+        let rounding = f64::EPSILON * factors.iter().map(DMatrix::norm).fold(0.0, f64::max);
+        let largest = || eigenvalues(&factors).iter().map(|m| m.norm()).fold(0.0, f64::max);
+        if cycles > 1 && (whole.log_determinant.is_none() || rounding > ROUNDED * largest()) {
             // Multipliers come from the derivative of each cycle: small ones would be lost in their product.
             let starts = sections.iter().chain(&whole.between).take(period).cloned().collect();
-            factors = Shots::new(self, (starts, 1), &[], drift)?.factors();
+            factors = Shots::new((self, spare), (starts, 1), &[], drift)?.factors();
         }
         Ok(Orbit::of(sections[0].clone(), whole.clone(), (unknowns, &factors), *residual, condition))
     }

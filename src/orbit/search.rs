@@ -8,7 +8,7 @@ use super::{
     Drift, INTERRUPTED, NewtonFailure, Orbit, SectionMap,
     newton::{Options, SAME},
     report::components,
-    section::Section,
+    section::{Section, SpareEngine},
     unknowns::{ACCELERATES, distance},
 };
 use crate::{
@@ -178,10 +178,11 @@ impl Search {
         let patience = near.is_finite().then_some(PATIENCE);
         let (start, period) = guess.start();
         let options = Options { patience, task, ..Options::default() };
-        let solved = map.newton((vec![start.clone()], period), &found.drift, options).or_else(|missed| {
+        let mut spare = None;
+        let solved = map.newton(&mut spare, (vec![start.clone()], period), &found.drift, options).or_else(|missed| {
             let parts = map.divided();
             let sections = if period > 1 || parts.steps() > 1 { guess.sections(&parts) } else { None };
-            let shot = sections.map(|sections| parts.newton((sections, 1), &found.drift, options));
+            let shot = sections.map(|sections| parts.newton(&mut spare, (sections, 1), &found.drift, options));
             shot.and_then(Result::ok).ok_or(missed)
         });
         let is_near = |orbit: &Orbit| {
@@ -262,9 +263,9 @@ impl Search {
     }
 
     /// Searches from further starts: states of the motion, and states around them.
-    fn spread(
+    fn spread<'s>(
         &self,
-        map: &SectionMap<'_>,
+        map: &SectionMap<'s>,
         passed: &[Section],
         first: usize,
         found: &mut SearchResult,
@@ -297,9 +298,9 @@ impl Search {
                     .flat_map(|orbit| orbit.image.between.iter().map(|section| section.x.clone()))
                     .collect::<Vec<_>>()
             };
-            let solve = |i: usize, k: u64| {
+            let solve = |spare: &mut SpareEngine<'s>, i: usize, k: u64| {
                 let options = Options { known: &known(k), task, ..Options::default() };
-                map.newton((vec![start(i)], k), drift, options).or_else(|missed| {
+                map.newton(spare, (vec![start(i)], k), drift, options).or_else(|missed| {
                     // Starts from states along the motion.
                     let first = i * 7919 % passed.len();
                     let parts = map.divided();
@@ -308,11 +309,14 @@ impl Search {
                     let trail = trail.and_then(|trail| FirstGuess::Cycles(trail).sections(&parts));
                     trail.ok_or(missed).and_then(|trail| {
                         let options = Options { patience: Some(PATIENCE), task, ..Options::default() };
-                        parts.newton((trail, 1), drift, options)
+                        parts.newton(spare, (trail, 1), drift, options)
                     })
                 })
             };
-            let from = |i: usize| periods.clone().map(|k| solve(i, k)).collect::<Vec<_>>();
+            let from = |i: usize| {
+                let mut spare = None;
+                periods.clone().map(|k| solve(&mut spare, i, k)).collect::<Vec<_>>()
+            };
             let solved: Vec<Vec<_>> = block.into_par_iter().map(from).collect();
             if task.is_cancelled() {
                 // The block counts as a whole or not at all.

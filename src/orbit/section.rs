@@ -62,6 +62,10 @@ pub struct Image {
     /// `∫ div f dt + Σ ln |det|` of jumps; NaN where contacts rest or latch.
     #[serde(deserialize_with = "number")]
     pub volume: f64,
+    /// Logarithm of the determinant of the derivative, from the volume and so without cancellation, for one degree of freedom and linear
+    /// laws.
+    #[serde(skip)]
+    pub(super) log_determinant: Option<f64>,
     /// First place at which the map is only piecewise smooth: the derivative is that of neighbours whose impacts stay together.
     pub corner: Option<Corner>,
     /// True if an event lies on the instant of a section: by rounding, it may be counted twice, or its part of the derivative be missing.
@@ -72,23 +76,8 @@ pub struct Image {
     pub pieces: u64,
 }
 
-impl Image {
-    /// Returns the image of a train of one degree of freedom that keeps its rank and latches nothing: the section after each cycle, the
-    /// derivative of the last one, and the tokens of the events.
-    pub(crate) fn of_cycles(start: &[f64], between: Vec<Section>, jacobian: DMatrix<f64>, word: Vec<String>) -> Self {
-        let size = |i: usize| between.iter().fold(start[i].abs(), |m, section| m.max(section.x[i].abs()));
-        Self {
-            end: between[between.len() - 1].clone(),
-            sizes: (0..start.len()).map(size).collect(),
-            by_number: DMatrix::zeros(start.len(), 0),
-            volume: libm::log(jacobian.determinant().abs()),
-            between,
-            jacobian,
-            word,
-            ..Self::default()
-        }
-    }
-}
+/// Engine of an earlier run of the same train, if any: the next run uses it again, as its modes are compiled.
+pub(crate) type SpareEngine<'s> = Option<Engine<'s>>;
 
 /// Map of states over whole cycles of the forcing, from phase 0 to phase 0.
 #[derive(Clone, Copy, Debug)]
@@ -186,6 +175,12 @@ impl<'a> SectionMap<'a> {
         self.steps[0] as usize
     }
 
+    /// Returns whether the train has one degree of freedom and linear laws.
+    pub(super) fn is_linear_pair(&self) -> bool {
+        let spec = self.simulation.structure.spec();
+        spec.freedoms.len() == 1 && spec.contacts.iter().all(|c| c.law.is_linear())
+    }
+
     /// Returns the phase of the sections, as a share of the period.
     #[must_use]
     pub fn phase(&self) -> f64 {
@@ -215,6 +210,21 @@ impl<'a> SectionMap<'a> {
         clock.at(self.cycle + whole as i64, (self.phase + rest as f64 / steps as f64) * period)
     }
 
+    /// Returns an engine at `state`.
+    pub(crate) fn engine<'e>(
+        &self,
+        spare: &'e mut SpareEngine<'a>,
+        state: State,
+    ) -> Result<&'e mut Engine<'a>, SimulationError> {
+        Ok(match spare {
+            Some(engine) => {
+                engine.restart(self.simulation.integrator()?, state);
+                engine
+            }
+            none => none.insert(self.simulation.engine(state)?),
+        })
+    }
+
     /// Returns the section at which the scene starts.
     ///
     /// # Errors
@@ -224,9 +234,20 @@ impl<'a> SectionMap<'a> {
         if start.at == self.at(0) {
             return Ok(self.section(&start));
         }
-        let mut engine = self.simulation.engine(start)?;
-        self.advance(&mut engine, self.at(0), &mut ())?;
+        self.end(&mut None, start, self.at(0))
+    }
+
+    /// Returns the section at `end` of the run from `state`.
+    fn end(&self, spare: &mut SpareEngine<'a>, state: State, end: Instant) -> Result<Section, SimulationError> {
+        let engine = self.engine(spare, state)?;
+        self.advance(engine, end, &mut ())?;
         Ok(self.section(engine.state()))
+    }
+
+    /// Runs `engine` to the start of the next cycle, regardless of the task. Returns `false` if the run is interrupted.
+    pub(crate) fn cycle(&self, engine: &mut Engine<'_>, observer: &mut dyn Observer) -> Result<bool, SimulationError> {
+        let end = self.simulation.clock().at(engine.state().at.cycle + 1, 0.0);
+        Ok(engine.run(end, observer)? == Outcome::ReachedEnd)
     }
 
     /// Runs to `end`. An error if the limit on events is reached before: there is no section then.
@@ -293,9 +314,17 @@ impl<'a> SectionMap<'a> {
     /// # Errors
     /// [`SimulationError`].
     pub fn follow(&self, section: &Section, cycles: u64) -> Result<Section, SimulationError> {
-        let mut engine = self.simulation.engine(self.state(section)?)?;
-        self.advance(&mut engine, self.at(cycles), &mut ())?;
-        Ok(self.section(engine.state()))
+        self.follow_by(&mut None, section, cycles)
+    }
+
+    /// Returns the section as [`follow`](Self::follow), with a `spare` engine.
+    pub(super) fn follow_by(
+        &self,
+        spare: &mut SpareEngine<'a>,
+        section: &Section,
+        cycles: u64,
+    ) -> Result<Section, SimulationError> {
+        self.end(spare, self.state(section)?, self.at(cycles))
     }
 
     /// Runs `cycles` cycles from a section, with an `observer`.
@@ -315,9 +344,7 @@ impl<'a> SectionMap<'a> {
         if self.phase == other.phase {
             return Ok(section.clone());
         }
-        let mut engine = self.simulation.engine(self.state(section)?)?;
-        self.advance(&mut engine, other.at(u64::from(other.phase < self.phase)), &mut ())?;
-        Ok(self.section(engine.state()))
+        self.end(&mut None, self.state(section)?, other.at(u64::from(other.phase < self.phase)))
     }
 
     /// Returns the section after `cycles` cycles, and the derivative.
@@ -334,12 +361,15 @@ impl<'a> SectionMap<'a> {
     /// [`SimulationError`] if the run fails.
     pub fn image_by(&self, section: &Section, cycles: u64, variations: &[Variation]) -> Result<Image, SimulationError> {
         let mut words = WordObserver::new(&self.simulation.structure, &section.x);
-        self.image_with((section, cycles), variations, &mut words)
+        let image = self.image_with(&mut None, (section, cycles), variations, &mut words)?;
+        Ok(Image { word: words.into_word(), ..image })
     }
 
-    /// Returns the image as [`image_by`](Self::image_by); `words` has observed the events before.
+    /// Returns the image as [`image_by`](Self::image_by), with a `spare` engine; `words` has observed the
+    /// events before, and receives those of the image.
     pub(super) fn image_with(
         &self,
+        spare: &mut SpareEngine<'a>,
         (section, cycles): (&Section, u64),
         variations: &[Variation],
         words: &mut WordObserver<'_>,
@@ -348,16 +378,17 @@ impl<'a> SectionMap<'a> {
         let mut tangent = Tangent::new(&self.simulation.structure).with(variations);
         tangent.start(&state);
         words.meet(&state.x);
-        let mut engine = self.simulation.engine(state)?;
+        let engine = self.engine(spare, state)?;
         let mut between = Vec::with_capacity(cycles as usize);
         for cycle in 1..=cycles {
-            self.advance(&mut engine, self.at(cycle), &mut (&mut tangent, &mut *words))?;
+            self.advance(engine, self.at(cycle), &mut (&mut tangent, &mut *words))?;
             if tangent.is_unresolved {
                 return Err(self.simulation.missing("the derivative along a step of its motion cannot be resolved"));
             }
             between.push(self.section(engine.state()));
             words.meet(&engine.state().x);
         }
+        words.close();
         let counters = engine.counters();
         let dim = engine.state().x.len();
         Ok(Image {
@@ -365,11 +396,12 @@ impl<'a> SectionMap<'a> {
             between,
             jacobian: DMatrix::from_row_slice(dim, dim, &tangent.columns.values),
             by_number: DMatrix::from_row_slice(dim, variations.len(), &tangent.by_number().values),
-            word: words.repeating(),
+            word: Vec::new(),
             zeros: zeros(&tangent.dead, &tangent.latched),
             dead: tangent.dead,
             latched: tangent.latched,
             volume: tangent.volume,
+            log_determinant: self.is_linear_pair().then_some(tangent.volume),
             corner: tangent.corner,
             has_event_at_section: words.letters.iter().any(|letter| self.is_section(letter.at)),
             sizes: words.sizes.clone(),

@@ -3,11 +3,13 @@
 //! Single shooting has one section. Multiple shooting has one for each cycle, and all are solved for at once. The amplification of one cycle
 //! does not multiply that of the next: orbits are found whose whole period would amplify rounding beyond all bounds.
 
+use std::mem::take;
+
 use nalgebra::{Complex, DMatrix, DVector};
 
 use super::{
     Drift, Orbit, SectionMap,
-    section::{Image, Section},
+    section::{Image, Section, SpareEngine},
     unknowns::Unknowns,
     words::WordObserver,
 };
@@ -35,18 +37,19 @@ pub(super) struct Shots {
     pub residual: f64,
 }
 
-/// Returns the images of successive steps as one, with `steps` in a cycle; the word and the sizes of the last one are those of all.
-fn joined(images: &[Image], steps: usize) -> Option<Image> {
-    let (mut whole, last) = (images.first()?.clone(), images.last()?);
-    (whole.word, whole.sizes) = (last.word.clone(), last.sizes.clone());
+/// Returns the images of successive steps as one, with `steps` in a cycle, which takes their sections, and the sizes of the last one.
+fn joined(images: &mut [Image], steps: usize) -> Option<Image> {
+    let last = images.last_mut()?;
+    let (sizes, end) = (take(&mut last.sizes), last.end.clone());
+    let between = images.iter_mut().flat_map(|image| take(&mut image.between)).collect();
+    let mut whole = Image { sizes, end, between, ..images[0].clone() };
     for image in &images[1..] {
-        whole.end = image.end.clone();
-        whole.between.extend(image.between.iter().cloned());
         whole.by_number = &image.jacobian * &whole.by_number + &image.by_number;
         whole.jacobian = &image.jacobian * &whole.jacobian;
         whole.latched.iter_mut().zip(&image.latched).for_each(|(a, b)| *a |= b);
         whole.dead.extend(image.dead.iter().cloned());
         whole.volume += image.volume;
+        whole.log_determinant = whole.log_determinant.zip(image.log_determinant).map(|(a, b)| a + b);
         whole.corner = whole.corner.or_else(|| image.corner.clone());
         whole.has_event_at_section |= image.has_event_at_section;
         whole.pieces += image.pieces;
@@ -69,8 +72,8 @@ pub(super) fn cyclic(factors: &[DMatrix<f64>]) -> DMatrix<f64> {
 }
 
 impl Shots {
-    pub fn new(
-        map: &SectionMap<'_>,
+    pub fn new<'s>(
+        (map, spare): (&SectionMap<'s>, &mut SpareEngine<'s>),
         (mut sections, cycles): (Vec<Section>, u64),
         variations: &[Variation],
         drift: &Drift,
@@ -79,14 +82,15 @@ impl Shots {
         let moving = 2 * structure.freedoms();
         let (images, whole) = loop {
             let mut words = WordObserver::new(structure, &sections[0].x);
-            let image = |(i, section)| map.at_step(i).image_with((section, cycles), variations, &mut words);
-            let images = sections.iter().enumerate().map(image).collect::<Result<Vec<_>, _>>()?;
-            let whole = joined(&images, map.steps())
+            let image = |(i, section)| map.at_step(i).image_with(spare, (section, cycles), variations, &mut words);
+            let mut images = sections.iter().enumerate().map(image).collect::<Result<Vec<_>, _>>()?;
+            let mut whole = joined(&mut images, map.steps())
                 .ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
             // A latched speed that no cycle writes is no unknown and keeps its value over the period.
             let unwritten = (0..whole.latched.len()).filter(|i| !whole.latched[*i]).map(|i| moving + i);
             let kept: Vec<(usize, f64)> = unwritten.map(|i| (i, sections[0].x[i])).collect();
             if sections.iter().all(|section| kept.iter().all(|(i, speed)| section.x[*i] == *speed)) {
+                whole.word = words.into_word();
                 break (images, whole);
             }
             sections.iter_mut().for_each(|section| kept.iter().for_each(|(i, speed)| section.x[*i] = *speed));
@@ -147,8 +151,12 @@ impl Shots {
     }
 
     /// Returns `off` of other sections, by runs without a derivative; `None` if one fails.
-    pub fn off_at(&self, map: &SectionMap<'_>, sections: &[Section]) -> Option<DVector<f64>> {
-        let run = |(i, section)| map.at_step(i).follow(section, self.cycles).ok();
+    pub fn off_at<'s>(
+        &self,
+        (map, spare): (&SectionMap<'s>, &mut SpareEngine<'s>),
+        sections: &[Section],
+    ) -> Option<DVector<f64>> {
+        let run = |(i, section)| map.at_step(i).follow_by(spare, section, self.cycles).ok();
         let ends: Vec<Section> = sections.iter().enumerate().map(run).collect::<Option<_>>()?;
         Some(between(&self.unknowns, sections, ends.iter())).filter(|off| off.norm().is_finite())
     }
@@ -187,7 +195,8 @@ impl SectionMap<'_> {
         let mut sections = orbit.image.between.clone();
         sections.rotate_right(1);
         sections[0] = orbit.section.clone();
-        let Shots { images, whole, unknowns, .. } = Shots::new(self, (sections, 1), variations, &self.drift())?;
+        let Shots { images, whole, unknowns, .. } =
+            Shots::new((self, &mut None), (sections, 1), variations, &self.drift())?;
         // A long period that was found as a whole is solved as a whole.
         let images = if images.len() * unknowns.count() > MOST { vec![whole] } else { images };
         let factors: Vec<_> = images.iter().map(|image| unknowns.reduced(&image.jacobian)).collect();
@@ -209,9 +218,12 @@ impl SectionMap<'_> {
 /// largest. Its factors are made triangular one after the other, `J Q = Q' R`. The product of triangles keeps the digits of each row (after
 /// the periodic QR of Bojanczyk, Golub and Van Dooren 1992).
 pub(super) fn eigenvalues(factors: &[DMatrix<f64>]) -> Vec<Complex<f64>> {
-    let Some(size) = factors.first().map(DMatrix::nrows) else { return Vec::new() };
+    let Some(size @ 1..) = factors.first().map(DMatrix::nrows) else { return Vec::new() };
     if let [factor] = factors {
-        return factor.complex_eigenvalues().iter().copied().collect();
+        // Squares of small entries are below the range of numbers. A power of two as unit changes no digit.
+        let exponent = libm::frexp(factor.amax()).1.clamp(-1000, 1000);
+        let (unit, inverse) = (libm::ldexp(1.0, exponent), libm::ldexp(1.0, -exponent));
+        return (factor * inverse).complex_eigenvalues().iter().map(|m| m * unit).collect();
     }
     let mut q = DMatrix::identity(size, size);
     let mut turned = q.clone();

@@ -3,7 +3,7 @@
 use super::{
     ApproachEnd, Motion, MotionKind, SectionMap, WatchTime,
     kind::{BANDS, DETERMINED, Figures, MotionCycles, PARTED, REGULAR, UNRESOLVED},
-    mover::EngineMover,
+    mover::Mover,
     unknowns::ACCELERATES,
 };
 use crate::{
@@ -36,7 +36,7 @@ pub fn decide_on_torus<'s>(
     if drift.accelerates(simulation) {
         return ends(motion, MotionKind::Transient, ACCELERATES.to_owned());
     }
-    let mut mover = EngineMover::new(*map, &drift, engine, observer);
+    let mut mover = Mover::new(*map, &drift, engine, observer);
     let mut watched = MotionCycles::new(&mut mover, watching.is_settled);
     let doublings = watching.doublings + MORE;
     for doubled in 0..=doublings {

@@ -4,19 +4,19 @@
 //! lost as the force is zero, `a` gained again inside the zone, `x` left the zone, `i` impact, `z` comes to rest, `l` released from rest.
 //! Tokens of one instant are sorted in brackets.
 
-use std::{collections::BTreeMap, ops::ControlFlow};
+use std::{collections::BTreeMap, fmt::Write, mem::take, ops::ControlFlow};
 
 use serde::{Deserialize, Serialize};
 
 use crate::{
     engine::{JumpRecord, Observer, STALLED},
     event::EventRecord,
-    hybrid::{ContactView, Instant, Watch},
+    hybrid::{ContactView, Instant, LaneEvent, LaneRecords, Watch},
     system::{ContactMode, Structure},
 };
 
 /// Returns the token of a contact that changes from `was` to `is`; `None` without an event of a token.
-pub(crate) fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool) -> Option<String> {
+fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool) -> Option<String> {
     use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
     let side = if is == Separated { was.side() } else { is.side() };
     let kind = match (was, is) {
@@ -33,8 +33,13 @@ pub(crate) fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool)
     Some(write_token(kind, j, side))
 }
 
-pub(crate) fn write_token(kind: char, j: usize, side: f64) -> String {
-    format!("{kind}{j}{}", if side > 0.0 { '+' } else { '-' })
+fn write_token(kind: char, j: usize, side: f64) -> String {
+    let mut token = String::with_capacity(4);
+    token.push(kind);
+    // A string takes any text.
+    let _ = write!(token, "{j}");
+    token.push(if side > 0.0 { '+' } else { '-' });
+    token
 }
 
 /// Returns the smallest rotation of a word, by the order of its tokens (Booth 1980 does it in linear time; words are short).
@@ -189,15 +194,17 @@ pub(crate) fn letters<'a>(
 }
 
 /// Returns the tokens of letters: those of one event in brackets.
-fn spell(letters: &[Letter]) -> Vec<String> {
-    let token = |event: &[Letter]| match event {
-        [single] => single.token.clone(),
-        several => {
-            let tokens: Vec<&str> = several.iter().map(|letter| letter.token.as_str()).collect();
-            format!("[{}]", tokens.join(" "))
+fn spell(letters: Vec<Letter>) -> Vec<String> {
+    let (mut tokens, mut letters) = (Vec::with_capacity(letters.len()), letters.into_iter().peekable());
+    while let Some(Letter { mut token, event, .. }) = letters.next() {
+        let mut is_single = true;
+        while let Some(next) = letters.next_if(|letter| letter.event == event) {
+            token = format!("{token} {}", next.token);
+            is_single = false;
         }
-    };
-    letters.chunk_by(|a, b| a.event == b.event).map(token).collect()
+        tokens.push(if is_single { token } else { format!("[{token}]") });
+    }
+    tokens
 }
 
 /// Observer that spells the motion.
@@ -211,12 +218,14 @@ pub(crate) struct WordObserver<'s> {
     pub letters: Vec<Letter>,
     /// Largest absolute value so far of each component of the state.
     pub sizes: Vec<f64>,
+    /// Events of a lane that are not letters yet.
+    passed: Vec<LaneEvent>,
 }
 
 impl<'s> WordObserver<'s> {
     pub fn new(structure: &'s Structure, x: &[f64]) -> Self {
         let sizes = x.iter().map(|x| x.abs()).collect();
-        Self { structure, open: Vec::new(), events: 0, letters: Vec::new(), sizes }
+        Self { structure, open: Vec::new(), events: 0, letters: Vec::new(), sizes, passed: Vec::new() }
     }
 
     /// Updates the sizes by those of a state.
@@ -226,22 +235,15 @@ impl<'s> WordObserver<'s> {
 
     /// Returns the tokens since the last call, and clears them.
     pub fn take(&mut self) -> Vec<String> {
-        let tokens = self.tokens();
-        self.letters.clear();
-        tokens
+        self.close();
+        spell(take(&mut self.letters))
     }
 
-    /// Returns the tokens so far.
-    pub fn tokens(&mut self) -> Vec<String> {
+    /// Returns the tokens of a motion that repeats. If a contact first comes to rest, the impacts before that at the end of the word are a part
+    /// of its token.
+    pub fn into_word(mut self) -> Vec<String> {
         self.close();
-        spell(&self.letters)
-    }
-
-    /// Returns the tokens so far of a motion that repeats. If a contact first comes to rest, the impacts before that at the end of the word
-    /// are a part of its token.
-    pub fn repeating(&mut self) -> Vec<String> {
-        self.close();
-        let mut letters = self.letters.clone();
+        let mut letters = self.letters;
         for contact in 0..self.structure.contacts().len() {
             let Some(first) = letters.iter().find(|letter| letter.contact == contact) else { continue };
             let Some(end) = first.token.strip_prefix('z').filter(|_| first.ends) else { continue };
@@ -255,13 +257,20 @@ impl<'s> WordObserver<'s> {
                 letters.remove(last);
             }
         }
-        spell(&letters)
+        spell(letters)
     }
 
-    fn close(&mut self) {
+    /// Adds the letters of the present event, and of those that a lane has passed, to the letters of all events.
+    pub fn close(&mut self) {
         self.open.sort_by(|a, b| a.token.cmp(&b.token));
         self.events += 1;
         self.letters.append(&mut self.open);
+        for LaneEvent { at, contact, was, is, rate } in self.passed.drain(..) {
+            if let Some(token) = token(contact, was, is, false) {
+                self.letters.push(Letter { token, contact, at, rate, event: self.events, ends: false });
+                self.events += 1;
+            }
+        }
     }
 }
 
@@ -274,7 +283,15 @@ impl Observer for WordObserver<'_> {
         true
     }
 
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        let (events, sizes) = (Some(&mut self.passed), Some(&mut self.sizes[..]));
+        Some(LaneRecords { events, sizes, ..LaneRecords::default() })
+    }
+
     fn jump(&mut self, jumped: &JumpRecord<'_>) {
+        if !self.passed.is_empty() {
+            self.close();
+        }
         self.meet(jumped.x_minus);
         self.meet(jumped.x_plus);
         for (contact, token) in letters(self.structure, jumped) {

@@ -33,7 +33,7 @@ use crate::{
     engine::{Engine, Observer, Options, State},
     gear::contact::Law,
     hybrid::{Clock, ContactView, HybridSystem, Instant, Watch, Wide},
-    integrate::{Integrator, build},
+    integrate::{Integrator, build, reason},
     scene::{BuiltScene, Duration, Fault, Memory, Run, Scene, SceneError, ToothMesh, Warning, hash},
     system::{ContactMode, Spec, Structure, bonded_modes},
     train::Drawing,
@@ -444,7 +444,7 @@ impl Simulation {
     /// [`SimulationError::Integrator`].
     pub fn engine(&self, state: State) -> Result<Engine<'_>, SimulationError> {
         let options = Options { event_tolerance: 0.0, ..self.options() };
-        Ok(Engine::new(&self.structure, self.integrator()?.0, options, state))
+        Ok(Engine::new(&self.structure, self.integrator()?, options, state))
     }
 
     /// Returns the engine of a run, with another limit on events, and the reason for its integrator.
@@ -452,9 +452,9 @@ impl Simulation {
     /// # Errors
     /// [`SimulationError::Integrator`].
     pub fn limited(&self, state: State, max_events: u64) -> Result<(Engine<'_>, String), SimulationError> {
-        let (integrator, why) = self.integrator()?;
         let options = Options { max_events, ..self.options() };
-        Ok((Engine::new(&self.structure, integrator, options, state), why))
+        let why = reason(self.settings.method, self.settings.tolerance, &self.structure);
+        Ok((Engine::new(&self.structure, self.integrator()?, options, state), why))
     }
 
     /// Returns the limits of a run.
@@ -471,11 +471,11 @@ impl Simulation {
         }
     }
 
-    /// Returns the integrator of the run, and the reason for it.
+    /// Returns the integrator of the run.
     ///
     /// # Errors
     /// [`SimulationError::Integrator`].
-    pub fn integrator(&self) -> Result<(Box<dyn Integrator>, String), SimulationError> {
+    pub fn integrator(&self) -> Result<Box<dyn Integrator>, SimulationError> {
         Ok(build(self.settings.method, self.settings.tolerance, &self.structure)?)
     }
 

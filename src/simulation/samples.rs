@@ -152,7 +152,7 @@ impl Simulation {
         }
         // The run that is sampled has passed its limits, or has ended before `end`.
         let options = Options { max_events: u64::MAX, max_steps: u64::MAX, ..self.options() };
-        let mut engine = Engine::new(&self.structure, self.integrator()?.0, options, self.start()?);
+        let mut engine = Engine::new(&self.structure, self.integrator()?, options, self.start()?);
         let columns = SampleColumns::new(self);
         let mut table = SampleTable { names: columns.names(), values: Vec::new() };
         let mut trajectory = Trajectory::new(&self.structure, grid, self.instants()[0], |sample: &Sample<'_>| {

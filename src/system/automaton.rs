@@ -294,6 +294,10 @@ impl HybridSystem for Structure {
         Some(self.compile(mode))
     }
 
+    fn has_series(&self) -> bool {
+        true
+    }
+
     fn lane<'a>(&'a self) -> Option<Box<dyn Lane + 'a>> {
         self.silent()
     }

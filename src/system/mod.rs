@@ -43,7 +43,7 @@ pub use statics::{
 };
 pub(crate) use sticking::Sticking;
 #[doc(hidden)]
-pub use tangent::{Columns, Saltation};
+pub use tangent::Saltation;
 pub(crate) use tangent::{Eight, Gradient, LANES, Lanes};
 pub(crate) use variation::Evaluation;
 pub use variation::Variation;

@@ -1,7 +1,7 @@
 //! Times at which neighbours of a motion reach an event.
 
-use super::{acting::Force, assemble::Structure, contact_mode::guard_of, tangent::Columns, variation::Evaluation};
-use crate::hybrid::{GuardId, Mode};
+use super::{acting::Force, assemble::Structure, contact_mode::guard_of, variation::Evaluation};
+use crate::hybrid::{Columns, GuardId, Mode};
 
 impl Structure {
     /// Returns the advance `h_x ξ/ḣ`, s, of the zero of guard `id` for each of the `columns` before the event. The guard h falls in `mode`

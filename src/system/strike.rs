@@ -4,12 +4,11 @@ use super::{
     assemble::{PerContact, Structure, dot, zeros},
     contact_mode::{contact_mode, guard_of, set_contact},
     sticking::Sticking,
-    tangent::Columns,
     variation::Evaluation,
 };
 use crate::{
     gear::contact::{Law, Restitution},
-    hybrid::{Instant, Jump, Mode},
+    hybrid::{Columns, Instant, Jump, Mode},
 };
 
 /// Dependent impacts at one instant: modes and states before and after them.

@@ -13,43 +13,9 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{GuardSet, Instant, Jump, Mode},
+    hybrid::{Columns, GuardSet, Instant, Jump, Mode},
     vectors::Path,
 };
-
-/// Changes of a state side by side: one row of `count` values for each component of the state.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Columns {
-    /// Number of columns.
-    pub count: usize,
-    /// Components, `[dim][count]`.
-    pub values: Vec<f64>,
-}
-
-impl Columns {
-    /// Returns the columns of the unit matrix of `dim` rows.
-    #[must_use]
-    pub fn unit(dim: usize) -> Self {
-        let mut values = vec![0.0; dim * dim];
-        (0..dim).for_each(|i| values[i * dim + i] = 1.0);
-        Self { count: dim, values }
-    }
-
-    /// Returns component `i` of all columns.
-    #[must_use]
-    pub fn row(&self, i: usize) -> &[f64] {
-        &self.values[i * self.count..(i + 1) * self.count]
-    }
-
-    fn row_mut(&mut self, i: usize) -> &mut [f64] {
-        &mut self.values[i * self.count..(i + 1) * self.count]
-    }
-
-    /// Adds `factor` times `row` to component `i`.
-    pub(super) fn add(&mut self, i: usize, factor: f64, row: &[f64]) {
-        self.row_mut(i).iter_mut().zip(row).for_each(|(c, r)| *c += factor * r);
-    }
-}
 
 /// Number of columns advanced side by side: two vectors of four.
 pub(crate) const LANES: usize = 8;
@@ -298,6 +264,24 @@ impl Structure {
         along
     }
 
+    /// Advances `columns` over the jump of the damping force of contact `j`, as it changes from `was` to `is` at a flank that `moves`:
+    /// `δv⁺ = δv ∓ c w (gᵀδq + moves)`; the speed cancels.
+    pub(crate) fn shear(&self, j: usize, (was, is): (ContactMode, ContactMode), moves: &[f64], columns: &mut Columns) {
+        let (c, m) = (&self.contacts[j], columns.count);
+        let factor = match (was, is) {
+            (ContactMode::Separated, _) if is.is_closed() => -c.spec.law.jump_damping(),
+            (_, ContactMode::Separated) if was.is_closed() => c.spec.law.jump_damping(),
+            _ => return,
+        };
+        if factor == 0.0 {
+            return;
+        }
+        for (l, moved) in moves.iter().enumerate() {
+            let along = c.direction.iter().fold(*moved, |sum, (i, g)| sum + g * columns.values[*i as usize * m + l]);
+            c.push.iter().for_each(|(i, p)| columns.values[(self.n + *i as usize) * m + l] += factor * p * along);
+        }
+    }
+
     /// Advances `columns` over the jump from `from` to `to`, of the guards `fired`, at `at`; `x_minus` and `x_plus` are the states before
     /// and after. `settles` marks contacts brought to rest at any speed; `resets_only` omits the shift of event times. Columns of
     /// parameters name their `variations`; columns of a start have none.
@@ -310,7 +294,6 @@ impl Structure {
         variations: &[Variation],
         columns: &mut Columns,
     ) -> Saltation {
-        let n = self.n;
         let by = (!variations.is_empty()).then_some(Evaluation { variations, at, x: x_minus });
         let mut saltation = Saltation::default();
         if !resets_only {
@@ -352,17 +335,10 @@ impl Structure {
         for id in fired.iter() {
             let (j, watch) = guard_of(id);
             let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
-            let c = &self.contacts[j];
-            // The damping force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`; the speed cancels.
-            let damping = c.spec.law.jump_damping();
-            if damping > 0.0 && watch != Watch::Force && !resets_only {
-                let (factor, side) = match (was, is) {
-                    (ContactMode::Separated, _) if is.is_closed() => (-damping, is.side()),
-                    (_, ContactMode::Separated) if was.is_closed() => (damping, was.side()),
-                    _ => continue,
-                };
-                let along = self.along((j, side), false, by, columns);
-                c.push.iter().for_each(|(i, p)| columns.add(n + *i as usize, factor * p, &along));
+            if watch != Watch::Force && !resets_only {
+                let mut along = vec![0.0; columns.count];
+                by.iter().for_each(|by| self.add_moves((j, was.side() + is.side()), false, *by, &mut along));
+                self.shear(j, (was, is), &along, columns);
             }
         }
         saltation.dependent = self.parted(&saltation);

@@ -3,10 +3,10 @@
 use super::{
     assemble::{Structure, zeros},
     contact_mode::{Watch, contact_mode, guard_of},
-    tangent::{Columns, Saltation},
+    tangent::Saltation,
     variation::Evaluation,
 };
-use crate::hybrid::{GuardSet, Instant, Jump, Mode};
+use crate::hybrid::{Columns, GuardSet, Instant, Jump, Mode};
 
 /// Share of the largest acceleration above which a change is more than rounding.
 const SUDDEN: f64 = 1e-9;

@@ -8,9 +8,8 @@ use super::{
     assemble::{PerContact, Spring, Structure, zeros},
     contact_mode::piece,
     sticking::Sticking,
-    tangent::Columns,
 };
-use crate::hybrid::{Instant, Mode};
+use crate::hybrid::{Columns, Instant, Mode};
 
 /// Trains that differ from one train in a parameter, with the weights of the difference quotient: `∂y/∂α = Σ w y(α + h)`.
 #[derive(Clone, Debug, PartialEq)]

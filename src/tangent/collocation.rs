@@ -5,9 +5,9 @@ use std::sync::LazyLock;
 use super::{DEEPEST, Tangent, difference, is_small, largest};
 use crate::{
     analysis::Quadrature,
-    hybrid::Mode,
+    hybrid::{Columns, Mode},
     integrate::DenseStep,
-    system::{Columns, Evaluation},
+    system::Evaluation,
 };
 
 /// Number of nodes of the collocation where `f_x` changes along a step.
@@ -62,14 +62,14 @@ const ROUNDED: f64 = 64.0 * f64::EPSILON;
 /// Columns that are collocated.
 pub(super) struct CollocationColumns {
     pub columns: Columns,
-    /// Values and slopes at the nodes of the collocation.
+    /// Values and slopes at the nodes of the collocation, formed at the first one.
     nodes: Vec<[Columns; 2]>,
     sum: Columns,
 }
 
 impl CollocationColumns {
     pub fn new(columns: Columns) -> Self {
-        Self { nodes: vec![[columns.clone(), columns.clone()]; NODES], sum: columns.clone(), columns }
+        Self { nodes: Vec::new(), sum: columns.clone(), columns }
     }
 }
 
@@ -96,6 +96,7 @@ impl Tangent<'_> {
         let Some(known) = modes.get(mode) else { return };
         let set = if of_numbers { by_number } else { collocated };
         let CollocationColumns { columns, nodes, sum } = set;
+        nodes.resize_with(NODES, || [columns.clone(), columns.clone()]);
         let clock = s.clock();
         let mut along = Vec::with_capacity(NODES);
         let (mut divergence, mut fastest) = (0.0, 0.0f64);

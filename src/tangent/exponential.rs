@@ -4,8 +4,8 @@
 
 use super::{Tangent, is_small, largest};
 use crate::{
-    hybrid::{HybridSystem, Mode},
-    system::{Columns, Gradient, LANES, Sticking, Structure},
+    hybrid::{Columns, HybridSystem, Mode},
+    system::{Gradient, LANES, Sticking, Structure},
     vectors::{Path, Work, fused},
 };
 

@@ -8,9 +8,9 @@ use super::Tangent;
 use crate::{
     engine::{JumpRecord, Observer, State},
     event::EventRecord,
-    hybrid::{HybridSystem, Instant, Mode, VectorField},
+    hybrid::{Columns, HybridSystem, Instant, Mode, VectorField},
     integrate::DenseStep,
-    system::{Columns, Structure},
+    system::Structure,
 };
 
 /// Rounding of the state that a step adds, relative to its size.

@@ -17,9 +17,9 @@ use series::{Coefficients, Orders};
 
 use crate::{
     engine::{JumpRecord, Observer, State},
-    hybrid::{HybridSystem, Instant, Mode},
+    hybrid::{Columns, HybridSystem, Instant, LaneRecords, LaneTangent, Mode},
     integrate::DenseStep,
-    system::{Columns, ContactMode, Evaluation, Gradient, Sticking, Structure, Variation, contact_mode},
+    system::{ContactMode, Evaluation, Gradient, Sticking, Structure, Variation, contact_mode},
 };
 
 /// Maximum number of halvings of a step.
@@ -233,6 +233,15 @@ pub(crate) fn zeros(dead: &[(usize, Vec<bool>)], written: &[bool]) -> usize {
 impl Observer for Tangent<'_> {
     fn wants_steps(&self, mode: &Mode, _: Instant) -> bool {
         !self.variations.is_empty() || !self.structure.is_affine(mode)
+    }
+
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        // A jump that may follow another one at the same instant is passed by a call.
+        if !self.variations.is_empty() || self.resets_only || self.rests || self.moved.is_some() {
+            return None;
+        }
+        let tangent = Some(LaneTangent { columns: &mut self.columns, volume: &mut self.volume });
+        Some(LaneRecords { tangent, ..LaneRecords::default() })
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {

@@ -2,9 +2,9 @@
 
 use super::{DEEPEST, Tangent, largest};
 use crate::{
-    hybrid::{Mode, StepQuantity},
+    hybrid::{Columns, Mode, StepQuantity},
     integrate::DenseStep,
-    system::{Columns, Eight, Gradient, LANES, Lanes, Sticking, Structure},
+    system::{Eight, Gradient, LANES, Lanes, Sticking, Structure},
     vectors::{Path, Work},
 };
 

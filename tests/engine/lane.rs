@@ -6,8 +6,14 @@ use flank::{
     Simulation,
     engine::{Counters, Engine, JumpRecord, Observer, Options, Outcome, State},
     event::EventRecord,
-    hybrid::{GuardId, HybridSystem, Instant, LaneHost, LaneLimits, LanePoint, LapEnd, Mode, Rebound},
+    hybrid::{
+        ContactMode, ContactView, GuardId, HybridSystem, Instant, LaneEvent, LaneHost, LaneLimits, LanePoint,
+        LaneRecords, LapEnd, Mode, Rebound,
+    },
+    integrate::DenseStep,
+    orbit::Tangent,
     scene::Scene,
+    system::Structure,
 };
 use serde_json::json;
 
@@ -31,7 +37,7 @@ fn scene(name: &str) -> Scene {
 }
 
 fn engine(simulation: &Simulation, state: State, options: Options) -> Engine<'_> {
-    Engine::new(&simulation.structure, simulation.integrator().unwrap().0, options, state)
+    Engine::new(&simulation.structure, simulation.integrator().unwrap(), options, state)
 }
 
 /// State, counters and outcome at the end of each piece of the run.
@@ -230,7 +236,7 @@ fn a_lane_passes_steady_motions_by_itself() {
             arcs: before.arcs,
             impact: None,
         };
-        let lap = lane.run(point, up_to(end), &mut FreeHost);
+        let lap = lane.run(point, up_to(end), LaneRecords::default(), &mut FreeHost);
         assert_eq!((lap.end, lap.events), (LapEnd::Bound, engine.counters().events - before.events), "{name}");
     }
 }
@@ -256,7 +262,7 @@ fn a_lane_passes_most_cycles_of_a_chaotic_motion() {
             let (at, x, jump, carried) = (&mut at, &mut x[..], &mut jump, &mut carried);
             let point = LanePoint { at, x, jump, carried, arcs: before.arcs, impact: None };
             assert_eq!(simulation.structure.switched(&point.jump.mode, *point.at), point.jump.mode, "{name}");
-            let lap = lane.run(point, up_to(end), &mut FreeHost);
+            let lap = lane.run(point, up_to(end), LaneRecords::default(), &mut FreeHost);
             if lap.end == LapEnd::Bound {
                 let after = engine.counters();
                 let made = (after.events - before.events, after.fired - before.fired, after.switches - before.switches);
@@ -354,4 +360,120 @@ fn a_budget_of_steps_ends_both() {
             assert_eq!(run(&mut EventCounter::default()), run(&mut ()), "{name}, {max_steps}");
         }
     }
+}
+
+/// Keeps the events of one contact, its times in all states, the sizes of the state and the derivative: from calls, or from records of a lane.
+struct Notes<'s> {
+    structure: &'s Structure,
+    tangent: Tangent<'s>,
+    times: Vec<[f64; 5]>,
+    events: Vec<LaneEvent>,
+    sizes: Vec<f64>,
+    /// True if records of a lane suffice.
+    is_recorded: bool,
+    /// Number of jumps that were passed by calls.
+    calls: u64,
+}
+
+impl<'s> Notes<'s> {
+    fn new(structure: &'s Structure, is_recorded: bool) -> Self {
+        let (times, sizes) = (vec![[0.0; 5]], vec![0.0; HybridSystem::dim(structure)]);
+        Self { structure, tangent: Tangent::new(structure), times, events: Vec::new(), sizes, is_recorded, calls: 0 }
+    }
+
+    fn state(&self, mode: &Mode) -> ContactMode {
+        ContactView::contact_mode(self.structure, 0, mode)
+    }
+}
+
+impl Observer for Notes<'_> {
+    fn wants_steps(&self, mode: &Mode, until: Instant) -> bool {
+        self.tangent.wants_steps(mode, until)
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn records(&mut self) -> Option<LaneRecords<'_>> {
+        let own = LaneRecords {
+            times: Some(&mut self.times),
+            events: Some(&mut self.events),
+            sizes: Some(&mut self.sizes),
+            ..LaneRecords::default()
+        };
+        self.tangent.records()?.and(own).filter(|_| self.is_recorded)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        let state = self.state(mode);
+        self.times[0][state as usize] += time;
+        self.tangent.leap(mode, time)
+    }
+
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        let state = self.state(mode);
+        self.times[0][state as usize] += step.time(until);
+        self.tangent.step(mode, step, until)
+    }
+
+    fn jump(&mut self, jumped: &JumpRecord<'_>) {
+        let (was, is) = (self.state(&jumped.from.mode), self.state(&jumped.to.mode));
+        let (at, rate) = (jumped.at, self.structure.deflection(0, jumped.at, jumped.x_minus).1);
+        self.calls += 1;
+        self.events.push(LaneEvent { at, contact: 0, was, is, rate });
+        for x in [jumped.x_minus, jumped.x_plus] {
+            self.sizes.iter_mut().zip(x).for_each(|(size, x)| *size = size.max(x.abs()));
+        }
+        self.tangent.jump(jumped);
+    }
+}
+
+/// A lane records what an observer receives by calls: instants and states to the bit; times, rates and derivatives to the rounding of
+/// their sums. The derivative of one way comes from the columns of propagators, that of the other from exponentials and collocation.
+#[test]
+fn records_of_a_lane_are_those_of_calls() {
+    let (mut recorded, mut called) = (0, 0);
+    for i in 0..90 {
+        let (share, name) = (f64::from(i) / 90.0, ["W1a-ch", "W1b-ch", "W1c-ch"][i as usize % 3]);
+        let scene = scene(name).with("/train/mean_load", json!(0.02 + 0.3 * share)).unwrap();
+        // The damper acts everywhere, or in contact alone; the contact then ends as its deflection or its force is zero.
+        let scene = match i % 9 {
+            0..3 => scene,
+            3..6 => scene.with("/train/damping_in_gap", json!(false)).unwrap(),
+            _ => {
+                let scene = scene.with("/train/damping_in_gap", json!(false)).unwrap();
+                scene.with("/train/release", json!("force")).unwrap()
+            }
+        };
+        let simulation = Simulation::from_scene(scene).unwrap();
+        let run = |is_recorded: bool| {
+            let mut notes = Notes::new(&simulation.structure, is_recorded);
+            let mut engine = engine(&simulation, start(&simulation, 6.0 * share), Options::default());
+            // A mode that follows the forcing has its propagator after some hundred arcs.
+            engine.run(simulation.clock().at(60, 0.3), &mut ()).unwrap();
+            for cycle in 61..=64 {
+                engine.run(simulation.clock().at(cycle, 0.3), &mut notes).unwrap();
+            }
+            (notes, engine.state().clone(), engine.counters())
+        };
+        let ((notes, state, counters), (own, own_state, own_counters)) = (run(true), run(false));
+        assert_eq!((state, counters), (own_state, own_counters), "{name} {share}");
+        let near = |a: f64, b: f64, size: f64| (a - b).abs() <= size;
+        let total: f64 = own.times[0].iter().sum();
+        assert!(notes.times[0].iter().zip(own.times[0]).all(|(a, b)| near(*a, b, 1e-14 * total)), "{name} {share}");
+        assert_eq!(notes.events.len(), own.events.len(), "{name} {share}");
+        for (a, b) in notes.events.iter().zip(&own.events) {
+            assert_eq!((a.at, a.was, a.is), (b.at, b.was, b.is), "{name} {share}");
+            assert!(near(a.rate, b.rate, 1e-14), "{name} {share}: {} {}", a.rate, b.rate);
+        }
+        assert_eq!(notes.sizes, own.sizes, "{name} {share}");
+        let largest = own.tangent.columns.values.iter().fold(0.0, |m: f64, value| m.max(value.abs()));
+        for (a, b) in notes.tangent.columns.values.iter().zip(&own.tangent.columns.values) {
+            assert!(near(*a, *b, 1e-11 * largest), "{name} {share}: {a} {b}");
+        }
+        assert!(near(notes.tangent.volume, own.tangent.volume, 1e-12), "{name} {share}");
+        (recorded, called) = (recorded + own.calls - notes.calls, called + notes.calls);
+    }
+    assert!(recorded > 800 && called < recorded / 20 && called > 0, "{recorded} events recorded, {called} by calls");
 }

@@ -411,7 +411,7 @@ fn stiff_power_laws_are_relieved() {
             let run = |choice| {
                 let start = s.start(Instant::default(), &q, &[0.0]).unwrap();
                 let state = State { at: Instant::default(), x: start.x, jump: start.jump };
-                let mut engine = Engine::new(&s, build(choice, 1e-13, &s).unwrap().0, Options::default(), state);
+                let mut engine = Engine::new(&s, build(choice, 1e-13, &s).unwrap(), Options::default(), state);
                 let mut log = Log::default();
                 engine.run(s.clock().instant(end), &mut log).unwrap();
                 log.0.retain(|r| !r.start);
@@ -547,7 +547,7 @@ fn stiff_columns_are_relieved() {
         let run = |choice| {
             let start = s.start(Instant::default(), &q, &vec![0.0; n]).unwrap();
             let state = State { at: Instant::default(), x: start.x, jump: start.jump };
-            let mut engine = Engine::new(&s, build(choice, 1e-13, &s).unwrap().0, Options::default(), state);
+            let mut engine = Engine::new(&s, build(choice, 1e-13, &s).unwrap(), Options::default(), state);
             let mut log = Log::default();
             engine.run(s.clock().instant(5.0), &mut log).unwrap();
             log.0.retain(|r| !r.start);

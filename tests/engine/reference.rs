@@ -30,7 +30,7 @@ fn found(scene: &Value) -> Events {
     let structure = Structure::new(built.spec.clone()).unwrap();
     let [from, _, to] = built.run.instants(structure.clock());
     let start = structure.start(from, &built.q0, &built.v0).unwrap();
-    let (integrator, _) = build(Choice::Auto, 1e-13, &structure).unwrap();
+    let integrator = build(Choice::Auto, 1e-13, &structure).unwrap();
     let state = State { at: from, x: start.x, jump: start.jump };
     let mut events = Events::new();
     let mut log = EventLog::new(&structure, Contacts::new(&structure, None).keep(0), |row: EventRow| {

@@ -383,7 +383,7 @@ fn a_ledger_may_begin_within_a_summed_sequence() {
     let (structure, end) = (&simulation.structure, simulation.instants()[2]);
     let run = |observer: &mut dyn Observer| {
         let options = Options { chatter_speed: 0.02, ..simulation.options() };
-        let integrator = simulation.integrator().unwrap().0;
+        let integrator = simulation.integrator().unwrap();
         Engine::new(structure, integrator, options, simulation.start().unwrap()).run(end, observer).unwrap();
     };
     let mut sums = Sums::default();

@@ -25,7 +25,7 @@ const WORTH_HERE: u64 = 64;
 
 /// Number of arcs after which a run forms the propagator of a mode whose stiffness follows the forcing, at the cost of some hundred arcs
 /// by series. Such rules count per run, not per thread: propagators formed by other runs change no bit of this one.
-pub const WORTH: u64 = 128;
+const WORTH: u64 = 128;
 
 /// Returns whether some mode of the train may have a propagator: one with few outputs, equal ones counted once.
 pub fn propagates(s: &Structure) -> bool {

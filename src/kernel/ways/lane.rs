@@ -1,13 +1,10 @@
 //! Lane: motion of a train of one degree of freedom with one contact, from event to event, without any output that is not requested.
 //!
-//! The results equal those of the engine with the same leaps, to the last bit. A lane makes no record and shows no step. If a leap is not
-//! decided, if numbers do not agree, or if a contact comes to rest, the lane stops, and an engine continues.
-
-use std::ops::ControlFlow;
+//! The results equal those of the engine with the same leaps, to the last bit. A lane shows no step, and makes only the records that are
+//! requested. If a leap is not decided, if numbers do not agree, or if a contact comes to rest, the lane stops, and an engine continues.
 
 use super::{
     Ways,
-    formed::WORTH,
     lane_leap::{Bound, Derivatives},
     leap::MOST_LEAPS,
     linear_lane::LinearLane,
@@ -16,59 +13,54 @@ use super::{
 use crate::{
     gear::contact::Law,
     hybrid::{
-        self, AGREED, GuardSet, HybridSystem, Instant, Jump, LaneHost, LaneLimits, LanePoint, Lap, LapEnd, LeapCounts,
-        Mode, Rebound,
+        self, AGREED, GuardSet, HybridSystem, Instant, Jump, LaneEvent, LaneHost, LaneLimits, LanePoint, LaneRecords,
+        LaneTangent, Lap, LapEnd, LeapCounts, Mode, PASSED, Rebound,
     },
     kernel::ROUNDING,
-    system::{Columns, ContactMode, Spring, Structure, Watch, contact_mode, dot, guard_id},
+    system::{
+        ContactMode, PiecesInForce, Spring, Structure, Watch, Wave, contact_mode, dot, guard_id, guard_of, piece,
+    },
     vectors::{Path, Work},
 };
 
-/// Steps of a lane between two instants that it passes to its host.
-pub(super) const PASSED: u64 = 1024;
-/// Maximum number of events of a cycle; more occur only if impacts come to rest.
-const MOST_EVENTS: u64 = 256;
-/// Maximum number of steps of a cycle; beyond, the engine continues with the budget of the run.
-const MOST_STEPS: u64 = 1_000_000;
-/// States of a contact.
-const STATES: [ContactMode; 5] = [
-    ContactMode::Separated,
-    ContactMode::Drive,
-    ContactMode::Back,
-    ContactMode::DriveDetached,
-    ContactMode::BackDetached,
-];
+/// Most values of a derivative that a lane advances: two columns.
+const MOST_VALUES: usize = 4;
 /// Least distance of a bound, in spans, at which it does not affect a leap.
 const FAR: f64 = 4.0;
 
-/// Event of a lane: state of the contact before and after, and the guard that fell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct LaneEvent {
-    pub was: u8,
-    pub is: u8,
-    pub watch: u8,
+/// Values of the records at the start of an arc, to which an undecided run returns.
+#[derive(Clone, Copy, Default)]
+struct ArcStart {
+    times: [f64; 5],
+    columns: [f64; MOST_VALUES],
+    volume: f64,
+    events: usize,
 }
 
-impl LaneEvent {
-    /// Returns the state of the contact before and after, and the guard.
-    pub fn parts(self) -> (ContactMode, ContactMode, Watch) {
-        let watch = [Watch::DriveFlank, Watch::BackFlank, Watch::Force][usize::from(self.watch)];
-        (STATES[usize::from(self.was)], STATES[usize::from(self.is)], watch)
+impl ArcStart {
+    fn of(records: &LaneRecords<'_>) -> Self {
+        let mut columns = [0.0; MOST_VALUES];
+        let mut volume = 0.0;
+        if let Some(tangent) = &records.tangent {
+            columns.iter_mut().zip(&tangent.columns.values).for_each(|(kept, value)| *kept = *value);
+            volume = *tangent.volume;
+        }
+        let times = records.times.as_ref().map_or([0.0; 5], |times| times[0]);
+        Self { times, columns, volume, events: records.events.as_ref().map_or(0, |events| events.len()) }
     }
-}
 
-/// Records of the motion in a lane.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct LaneRecords {
-    /// Time in each state of the contact, s, in the order of [`ContactMode`].
-    pub times: [f64; 5],
-    /// Events, if requested.
-    pub events: Option<Vec<LaneEvent>>,
-    /// Contacts gained and impacts, if requested: time since the start of the cycle, s, rate of the deflection before, m/s, and side of
-    /// the flank, ±1.
-    pub strikes: Option<Vec<[f64; 3]>>,
-    /// Derivative with respect to the start, rows `(q, v)`, if requested.
-    pub columns: Option<Columns>,
+    fn restore(&self, records: &mut LaneRecords<'_>) {
+        if let Some(tangent) = &mut records.tangent {
+            tangent.columns.values.iter_mut().zip(&self.columns).for_each(|(value, kept)| *value = *kept);
+            *tangent.volume = self.volume;
+        }
+        if let Some(times) = &mut records.times {
+            times[0] = self.times;
+        }
+        if let Some(events) = &mut records.events {
+            events.truncate(self.events);
+        }
+    }
 }
 
 /// Mode that has occurred in the run, prepared for leaps.
@@ -79,6 +71,10 @@ pub struct LaneMode<'s> {
     pub ways: Ways<'s>,
     /// True if the exact flow of the mode may be used.
     pub is_exact: bool,
+    /// True if the stiffness follows the schedule.
+    is_followed: bool,
+    /// `tr f_x`, 1/s.
+    divergence: f64,
     /// Result of the fall of each guard, kept from the first time, if it depends on nothing else.
     edges: [Option<Edge>; 3],
 }
@@ -120,35 +116,12 @@ pub(crate) struct Lane<'s> {
     pub modes: Vec<LaneMode<'s>>,
     /// Index of the mode plus 1, by number of the contact; 0 for none.
     places: Vec<u16>,
-    /// True if a jump changes the columns.
-    salts: bool,
     is_rigid: bool,
     is_scheduled: bool,
+    /// Piece of the schedule in force, if there is one.
+    pieces: PiecesInForce,
     pub state: LaneState,
     pub waves: Waves,
-}
-
-/// Host without an integrator: every flow is exact, and no impact sequence ends.
-struct NoHost;
-
-impl LaneHost for NoHost {
-    fn pass(&mut self, _: Instant) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-
-    fn is_exact(&mut self, _: &Mode) -> bool {
-        true
-    }
-
-    fn count(&mut self, _: &Mode, _: u64) -> u64 {
-        0
-    }
-
-    fn meet(&mut self, _: hybrid::GuardId, _: f64) {}
-
-    fn ends(&mut self, _: &Rebound) -> bool {
-        false
-    }
 }
 
 impl<'s> Lane<'s> {
@@ -156,11 +129,10 @@ impl<'s> Lane<'s> {
     /// a rigid one, under a forcing of one period.
     pub fn new(structure: &'s Structure) -> Option<Self> {
         let [c] = &structure.contacts[..] else { return None };
-        let (salts, is_rigid) = match c.spec.law {
-            Law::KelvinVoigt(law, _) => (law.damping > 0.0, false),
-            Law::Rigid(_) => (true, true),
-            _ => return None,
-        };
+        let is_rigid = c.spec.law.is_rigid();
+        if !is_rigid && !matches!(c.spec.law, Law::KelvinVoigt(..)) {
+            return None;
+        }
         let is_periodic = structure.clock.period().is_some() && structure.has_whole_orders();
         let few = structure.n == 1 && structure.dim == 2 && structure.oscillators.len() <= MOST_INPUTS;
         let state = LaneState {
@@ -177,18 +149,12 @@ impl<'s> Lane<'s> {
             structure,
             modes: Vec::new(),
             places: Vec::new(),
-            salts,
             is_rigid,
             is_scheduled: matches!(c.spring, Spring::Scheduled(_)),
+            pieces: PiecesInForce::default(),
             state,
             waves: [[0.0; 2]; MOST_INPUTS],
         })
-    }
-
-    /// Places the lane at state `x` and instant `at`, in the mode and with the exact zeros of `jump`. Returns `false` if it cannot.
-    pub fn place(&mut self, at: Instant, x: [f64; 2], jump: &Jump) -> bool {
-        self.enter(at, x, jump, f64::NAN, &mut NoHost);
-        jump.still.is_empty()
     }
 
     fn enter(&mut self, at: Instant, x: [f64; 2], jump: &Jump, carried: f64, host: &mut dyn LaneHost) {
@@ -196,6 +162,7 @@ impl<'s> Lane<'s> {
         let (zeros, struck) = (of(&jump.pinned), of(&jump.struck));
         let mode = self.meet(&jump.mode, host);
         self.state = LaneState { at, x, mode, zeros, struck, projected: jump.projected, carried, switch: None };
+        self.move_pieces();
         self.look_ahead();
         self.turn();
     }
@@ -211,8 +178,25 @@ impl<'s> Lane<'s> {
     #[inline(always)]
     fn look_ahead(&mut self) {
         if self.is_scheduled {
-            self.state.switch = self.structure.next_switch(&self.mode(), self.state.at);
+            self.state.switch =
+                if self.modes[self.state.mode].is_followed { self.pieces.first_end(&[0]) } else { None };
         }
+    }
+
+    /// Finds the piece of the schedule that is in force.
+    #[inline(always)]
+    fn move_pieces(&mut self) {
+        if self.is_scheduled {
+            self.pieces.move_to(&self.structure.clock, self.structure.schedules(), self.state.at);
+        }
+    }
+
+    /// Returns the index of the mode in which the contact has `state`, and follows the piece in force.
+    #[inline(always)]
+    fn mode_of(&mut self, state: ContactMode, host: &mut dyn LaneHost) -> usize {
+        let mut mode = Mode::default();
+        self.structure.enter_piece(&mut mode, 0, state, |_| self.pieces.number(0));
+        self.meet(&mode, host)
     }
 
     /// Returns the index of the mode of a mode, which is formed if it is new.
@@ -225,19 +209,12 @@ impl<'s> Lane<'s> {
         }
         let ways = Ways::new(self.structure, mode);
         let (state, is_exact) = (contact_mode(mode, 0), host.is_exact(mode));
-        self.modes.push(LaneMode { number, state, ways, is_exact, edges: [None; 3] });
+        let s = self.structure;
+        let divergence = s.divergence(&s.gradient(mode, s.clock.instant(0.0), &self.state.x));
+        let is_followed = s.followed(mode, 0).is_some();
+        self.modes.push(LaneMode { number, state, ways, is_exact, is_followed, divergence, edges: [None; 3] });
         self.places[usize::from(number)] = self.modes.len() as u16;
         self.modes.len() - 1
-    }
-
-    /// Returns the current instant.
-    pub fn at(&self) -> Instant {
-        self.state.at
-    }
-
-    /// Returns the state `[q, v]`.
-    pub fn x(&self) -> [f64; 2] {
-        self.state.x
     }
 
     fn mode(&self) -> Mode {
@@ -253,35 +230,37 @@ impl<'s> Lane<'s> {
         Jump { mode: self.mode(), pinned: set(zeros), still: GuardSet::default(), struck: set(struck), projected }
     }
 
-    /// Runs to the start of the next cycle. Returns `false` if it cannot decide an event, and stays before it.
-    pub fn cycle(&mut self, records: &mut LaneRecords) -> bool {
-        let bound = self.structure.clock.at(self.state.at.cycle + 1, 0.0);
-        let run = LaneRun {
-            lane: self,
-            limits: LaneLimits { bound, observed: Instant::LAST, events: MOST_EVENTS, steps: MOST_STEPS },
-            records,
-            host: &mut NoHost,
-            arcs: WORTH,
-            impact: None,
-            returns: false,
-        };
-        run.lane.structure.instructions.run(run).end == LapEnd::Bound
+    /// Returns the rate of the deflection at the current point.
+    #[inline(always)]
+    fn rate(&self) -> f64 {
+        let c = &self.structure.contacts[0];
+        let wave = |sum: f64, w: &Wave| sum + w.cosine * self.waves[w.index][0] + w.sine * self.waves[w.index][1];
+        dot(&c.direction, &self.state.x[1..]) - c.error_rate.iter().fold(0.0, wave)
     }
 
-    /// Returns the record of a fall of `watch` at the current point, if it is a strike.
+    /// Adds the jump that the fall of `watch` made at the current point to `records`. The mode was `was` before it, with this rate of the
+    /// deflection and this state.
     #[inline(always)]
-    fn strike(&self, watch: Watch) -> Option<[f64; 3]> {
-        let LaneState { at, x, mode, .. } = &self.state;
-        let strikes = self.modes[*mode].state == ContactMode::Separated && watch.side() != 0.0;
-        strikes.then(|| [at.phase.value(), self.structure.deflection(0, *at, x).1, watch.side()])
+    fn record(&self, watch: Watch, was: usize, (rate, x): (f64, [f64; 2]), records: &mut LaneRecords<'_>) {
+        let [was, is] = [was, self.state.mode].map(|mode| self.modes[mode].state);
+        if let Some(tangent) = records.tangent.as_mut().filter(|_| watch != Watch::Force) {
+            self.structure.shear(0, (was, is), &[0.0; 2][..tangent.columns.count], tangent.columns);
+        }
+        if let Some(sizes) = &mut records.sizes {
+            for x in [x, self.state.x] {
+                sizes.iter_mut().zip(x).for_each(|(size, x)| *size = size.max(x.abs()));
+            }
+        }
+        if let Some(events) = &mut records.events {
+            events.push(LaneEvent { at: self.state.at, contact: 0, was, is, rate });
+        }
     }
 
     /// Makes the jump of the guard of `watch` at the current point, its value known to `error`. Returns `false` if it is not decided here.
     #[inline(always)]
-    fn fire(&mut self, watch: Watch, error: f64, records: &mut LaneRecords, host: &mut dyn LaneHost) -> bool {
+    fn fire(&mut self, watch: Watch, error: f64, host: &mut dyn LaneHost) -> bool {
         let (s, mode, at) = (self.structure, self.state.mode, self.state.at);
         let (c, side) = (&s.contacts[0], watch.side());
-        let salts = self.salts && records.columns.is_some();
         let mut off = 0.0;
         if side != 0.0 {
             // As in `Structure::project`.
@@ -294,7 +273,7 @@ impl<'s> Lane<'s> {
                 return false;
             }
         }
-        if !salts && let Some(Edge { state, zeros, mode }) = self.modes[mode].edges[watch as usize] {
+        if let Some(Edge { state, zeros, mode }) = self.modes[mode].edges[watch as usize] {
             let struck = self.is_rigid && side != 0.0;
             s.shift(std::iter::once(0), &[off], &mut self.state.x[..1]);
             self.state.projected = off.abs();
@@ -304,23 +283,16 @@ impl<'s> Lane<'s> {
                 self.state.projected = projected.max(off.abs());
                 self.state.struck = zeros;
             }
-            let mode = mode.unwrap_or_else(|| {
-                let mut mode = self.mode();
-                s.enter(&mut mode, 0, state, at);
-                self.meet(&mode, host)
-            });
-            (self.state.mode, self.state.zeros) = (mode, zeros);
+            self.move_pieces();
+            self.state.mode = mode.unwrap_or_else(|| self.mode_of(state, host));
+            self.state.zeros = zeros;
             self.look_ahead();
             return true;
         }
         let fired = GuardSet::from_iter([guard_id(0, watch)]);
         let from = Jump { pinned: fired.clone(), ..self.jump() };
-        let before = self.state.x;
-        let mut x = before;
+        let mut x = self.state.x;
         let Ok(jump) = s.jump(&from, &fired, at, &mut x, &mut []) else { return false };
-        if let Some(columns) = records.columns.as_mut().filter(|_| salts) {
-            s.saltate((&from, &jump), (&fired, false, false), at, (&before, &x), &[], columns);
-        }
         self.enter(at, x, &jump, f64::NAN, host);
         // A rebound leaves a rigid contact open; what else may follow an impact is decided each time.
         if !self.is_rigid || side != 0.0 && self.state.mode == mode && jump.still.is_empty() {
@@ -333,11 +305,29 @@ impl<'s> Lane<'s> {
 }
 
 impl hybrid::Lane for Lane<'_> {
-    fn run(&mut self, point: LanePoint<'_>, limits: LaneLimits, host: &mut dyn LaneHost) -> Lap {
+    fn makes(&self, records: &LaneRecords<'_>) -> bool {
+        let few = |tangent: &LaneTangent<'_>| tangent.columns.values.len() <= MOST_VALUES;
+        !self.is_rigid && records.tangent.as_ref().is_none_or(few)
+    }
+
+    fn run(
+        &mut self,
+        point: LanePoint<'_>,
+        limits: LaneLimits,
+        records: LaneRecords<'_>,
+        host: &mut dyn LaneHost,
+    ) -> Lap {
         let LanePoint { at, x, jump, carried, arcs, impact } = point;
+        if self.is_scheduled {
+            let s = self.structure;
+            self.pieces.begin(&s.clock, s.schedules(), *at);
+            // A start at a switch that its mode has not passed.
+            if s.followed(&jump.mode, 0).is_some() && piece(&jump.mode, 0) != self.pieces.number(0) {
+                return Lap::default();
+            }
+        }
         self.enter(*at, [x[0], x[1]], jump, carried.first().copied().unwrap_or(f64::NAN), host);
-        let records = &mut LaneRecords::default();
-        let run = LaneRun { lane: self, limits, records, host, arcs, impact, returns: true };
+        let run = LaneRun { lane: self, limits, records, host, arcs, impact };
         let lap = run.lane.structure.instructions.run(run);
         if lap != Lap::default() {
             (*at, *jump) = (self.state.at, self.jump());
@@ -350,7 +340,7 @@ impl hybrid::Lane for Lane<'_> {
 }
 
 impl Structure {
-    /// Returns a lane for motions without observers, if the train has one.
+    /// Returns a lane for motions without calls to an observer, if the train has one.
     pub(crate) fn silent(&self) -> Option<Box<dyn hybrid::Lane + '_>> {
         if let Some(lane) = Lane::new(self) {
             return Some(Box::new(lane));
@@ -363,14 +353,12 @@ impl Structure {
 struct LaneRun<'a, 's> {
     lane: &'a mut Lane<'s>,
     limits: LaneLimits,
-    records: &'a mut LaneRecords,
+    records: LaneRecords<'a>,
     host: &'a mut dyn LaneHost,
     /// Number of arcs that the run has made.
     arcs: u64,
     /// Guard of an impact at the start, if any.
     impact: Option<hybrid::GuardId>,
-    /// True if an undecided run returns to the start of the last arc of which something was decided.
-    returns: bool,
 }
 
 impl Work for LaneRun<'_, '_> {
@@ -378,13 +366,14 @@ impl Work for LaneRun<'_, '_> {
 
     #[inline(always)]
     fn on<P: Path>(self, path: P) -> Lap {
-        let Self { lane, limits, records, host, arcs, mut impact, returns } = self;
-        let (s, clock) = (lane.structure, lane.structure.clock);
+        let Self { lane, limits, mut records, host, arcs, mut impact } = self;
+        let keeps = !records.is_empty();
+        let clock = lane.structure.clock;
         let LaneLimits { bound, observed, events, steps } = limits;
-        let mut lap = Lap::default();
-        // Start of the last arc of which something was decided, and the work done up to it.
-        let (mut last, mut done) = (lane.state, Lap::default());
-        let mut rebound: Derivatives = [([f64::NAN; 3], f64::NAN); 2];
+        let (mut lap, mut next) = (Lap::default(), ArcStart::default());
+        // Start of the last arc of which something was decided, and the work done up to it. An undecided run returns to it.
+        let (mut last, mut done, mut kept) = (lane.state, Lap::default(), ArcStart::of(&records));
+        let mut rebound: Derivatives = ([f64::NAN; 3], f64::NAN);
         'arcs: loop {
             let mut leaps = 0;
             loop {
@@ -405,24 +394,34 @@ impl Work for LaneRun<'_, '_> {
                     break 'arcs;
                 }
                 let bound_by = Bound { span, is_switch: switch.is_some() };
-                let after = impact.is_some().then_some(&mut rebound);
-                let leap = lane.leap(path, propagator, bound_by, after, records.columns.as_mut());
-                let Some(leap) = leap else { break 'arcs };
+                let after = impact.as_ref().map(|guard| (guard_of(*guard).1, &mut rebound));
+                if leaps == 0 && keeps {
+                    next = ArcStart::of(&records);
+                }
+                let columns = records.tangent.as_mut().map(|tangent| &mut *tangent.columns);
+                let Some(leap) = lane.leap(path, propagator, bound_by, after, columns) else { break 'arcs };
                 if leaps == 0 {
                     if let Some(guard) = impact.take() {
-                        let (derivatives, rounding) = rebound[usize::from(guard.0)];
-                        let left = clock.between(at, switch.unwrap_or(bound));
-                        if host.ends(&Rebound { at, guard, derivatives, rounding, left }) {
+                        let ((derivatives, rounding), until) = (rebound, switch.unwrap_or(bound));
+                        if host.ends(&Rebound { at, guard, derivatives, rounding, until }) {
                             return Lap { arcs: lap.arcs + 1, steps: lap.steps + 1, end: LapEnd::Sequence, ..lap };
                         }
                     }
                     lap.closes = true;
                     (last, done) = (lane.state, lap);
+                    if keeps {
+                        kept = next;
+                    }
                     lap.arcs += 1;
                 }
                 (lap.steps, leaps) = (lap.steps + 1, leaps + 1);
-                let was = lane.modes[lane.state.mode].state;
-                records.times[was as usize] += leap.time;
+                let was = lane.state.mode;
+                if let Some(times) = &mut records.times {
+                    times[0][lane.modes[was].state as usize] += leap.time;
+                }
+                if let Some(tangent) = &mut records.tangent {
+                    *tangent.volume += lane.modes[was].divergence * leap.time;
+                }
                 let state = &mut lane.state;
                 if leap.is_bound {
                     state.at = switch.unwrap_or(bound);
@@ -437,24 +436,20 @@ impl Work for LaneRun<'_, '_> {
                 lane.turn();
                 if let Some((number, error)) = leap.falls {
                     let watch = lane.modes[lane.state.mode].ways.motion.guards[number].watch;
-                    let strike = records.strikes.as_ref().and_then(|_| lane.strike(watch));
-                    if !lane.fire(watch, error, records, host) {
+                    let rate = if records.events.is_some() { lane.rate() } else { f64::NAN };
+                    if !lane.fire(watch, error, host) {
                         break 'arcs;
                     }
-                    if let Some(strikes) = &mut records.strikes {
-                        strikes.extend(strike);
+                    if keeps {
+                        lane.record(watch, was, (rate, leap.x), &mut records);
                     }
                     (lap.events, lap.fired) = (lap.events + 1, lap.fired + 1);
                     impact = lane.is_rigid.then_some(guard_id(0, watch)).filter(|_| watch != Watch::Force);
-                    if let Some(events) = &mut records.events {
-                        let is = lane.modes[lane.state.mode].state;
-                        events.push(LaneEvent { was: was as u8, is: is as u8, watch: watch as u8 });
-                    }
                     continue 'arcs;
                 }
                 if leap.is_bound && switch.is_some() {
-                    let mode = s.switched(&lane.mode(), lane.state.at);
-                    lane.state.mode = lane.meet(&mode, host);
+                    lane.move_pieces();
+                    lane.state.mode = lane.mode_of(lane.modes[was].state, host);
                     lane.look_ahead();
                     lap.switches += 1;
                     continue 'arcs;
@@ -464,11 +459,11 @@ impl Work for LaneRun<'_, '_> {
                 }
             }
         }
-        if returns {
-            lane.state = last;
-            lane.turn();
-            lap = done;
+        lane.state = last;
+        lane.turn();
+        if keeps {
+            kept.restore(&mut records);
         }
-        lap
+        done
     }
 }

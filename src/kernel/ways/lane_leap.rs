@@ -8,12 +8,13 @@ use super::{
     propagator::{Component, Input, MOST_ANGLES, MOST_TERMS, Propagator, SHORT},
 };
 use crate::{
+    hybrid::Columns,
     kernel::{
         ROUNDING,
         series::start::{ContactStart, SpanStart},
     },
     poly::{self, BernsteinBasis, Pattern, Row},
-    system::{Columns, Watch, Wave, dot},
+    system::{Watch, Wave, dot},
     vectors::Path,
 };
 
@@ -43,19 +44,19 @@ pub struct LeapEnd {
     pub carried: f64,
 }
 
-/// First three derivatives of each guard of position after an impact, and rounding of its value.
-pub type Derivatives = [([f64; 3], f64); 2];
+/// First three derivatives of the guard of an impact after it, and rounding of its value.
+pub type Derivatives = ([f64; 3], f64);
 
 impl Lane<'_> {
-    /// Makes a leap from the current point as [`Propagator::leap`], without the data that only an engine needs. After an impact,
-    /// `rebound` receives the derivatives after it.
+    /// Makes a leap from the current point as [`Propagator::leap`], without the data that only an engine needs. After an impact of a guard,
+    /// `rebound` receives its derivatives.
     #[inline(always)]
     pub fn leap<P: Path>(
         &self,
         path: P,
         by: &Propagator,
         to: Bound,
-        rebound: Option<&mut Derivatives>,
+        rebound: Option<(Watch, &mut Derivatives)>,
         columns: Option<&mut Columns>,
     ) -> Option<LeapEnd> {
         let Self { structure: s, modes, state, waves: oscillators, .. } = self;
@@ -94,11 +95,10 @@ impl Lane<'_> {
                 guards.push(guard);
             }
         }
-        if let Some(rebound) = rebound {
-            let rounding = ROUNDING * size + AFRESH * deflection.1;
-            for watched in motion.guards.iter().filter(|watched| watched.watch != Watch::Force) {
-                let derivatives = by.derivatives(&poly::numbers(path, &deflection.0)).map(|d| watched.along() * d);
-                rebound[watched.watch as usize] = (derivatives, rounding);
+        if let Some((watch, rebound)) = rebound {
+            rebound.1 = ROUNDING * size + AFRESH * deflection.1;
+            for watched in motion.guards.iter().filter(|watched| watched.watch == watch) {
+                rebound.0 = by.derivatives(&poly::numbers(path, &deflection.0)).map(|d| watched.along() * d);
             }
         }
         let part = Guard::sharpen(path, &mut guards);

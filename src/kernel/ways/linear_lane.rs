@@ -11,13 +11,13 @@ use super::{
     Ways,
     bare::{BareStep, FlankEnds},
     formed::{FEW_FREEDOMS, propagates},
-    lane::PASSED,
     leap::MOST_LEAPS,
 };
 use crate::{
     hybrid::{
         self, AGREED, FULL_PRECISION, GATHERED, GuardSet, GuardValue, HybridSystem, Instant, JetRequest, Jump,
-        LaneHost, LaneLimits, LanePoint, Lap, LapEnd, Leap, LeapCounts, MOST_MODES, Mode, are_finite,
+        LaneHost, LaneLimits, LanePoint, LaneRecords, Lap, LapEnd, Leap, LeapCounts, MOST_MODES, Mode, PASSED,
+        are_finite,
     },
     kernel::{
         Four, LANES,
@@ -290,7 +290,17 @@ impl<'s> LinearLane<'s> {
 }
 
 impl hybrid::Lane for LinearLane<'_> {
-    fn run(&mut self, mut point: LanePoint<'_>, limits: LaneLimits, host: &mut dyn LaneHost) -> Lap {
+    fn makes(&self, records: &LaneRecords<'_>) -> bool {
+        records.is_empty()
+    }
+
+    fn run(
+        &mut self,
+        mut point: LanePoint<'_>,
+        limits: LaneLimits,
+        _: LaneRecords<'_>,
+        host: &mut dyn LaneHost,
+    ) -> Lap {
         let (s, mode) = (self.structure, &point.jump.mode);
         self.ends.clear();
         self.rounding.clear();

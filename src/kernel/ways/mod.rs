@@ -16,8 +16,6 @@ mod step;
 mod two;
 mod unit;
 
-pub(crate) use lane::{Lane, LaneEvent, LaneRecords};
-
 use std::{
     cell::{OnceCell, RefCell},
     rc::Rc,

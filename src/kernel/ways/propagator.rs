@@ -213,10 +213,14 @@ impl Propagator {
         }
         let mut angles = [0.0; MOST_ANGLES];
         self.angles(path, motion, at, &mut angles);
+        // No adapter around code compiled for P: it would be a separate function.
+        z.resize(self.waves.len(), 0.0);
         let mut first = 0;
         for (input, end) in &self.inputs {
             let value = input.value(s, x, stretches, waves);
-            z.extend(self.waves[first..*end].iter().map(|wave| value * angles[*wave]));
+            for (z, wave) in z[first..*end].iter_mut().zip(&self.waves[first..*end]) {
+                *z = value * angles[*wave];
+            }
             first = *end;
         }
     }
