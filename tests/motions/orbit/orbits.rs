@@ -258,3 +258,35 @@ fn a_family_of_rests_is_one_orbit() {
     assert_eq!(rest.stability().0, "marginal");
     assert!(rest.multipliers.iter().all(|m| (m.re, m.im) == (1.0, 0.0)));
 }
+
+/// Further starts find the other orbits of the pair of Kahraman and Singh, the unstable one too.
+#[test]
+fn further_starts_find_other_orbits_of_a_pair() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/scenes/kahraman-singh.json");
+    let simulation = Simulation::from_file(path).unwrap();
+    let orbits = found(&simulation, Search { period: None, starts: 30 }).orbits;
+    for known in [(1, true), (1, false), (2, true)] {
+        assert!(orbits.iter().any(|orbit| (orbit.period, orbit.is_stable) == known), "{known:?}: {orbits:?}");
+    }
+}
+
+/// In contact a pair of stiffness 1 and damping ratio ζ has the multipliers `exp(λT)` with `λ = −ζ ± √(ζ² − 1)`. Over a slow cycle their
+/// squares are below the range of numbers.
+#[test]
+fn multipliers_keep_their_size_however_strong_the_damping() {
+    for (damping, frequency) in [(1.2, 0.0131), (1.2, 0.02), (1.05, 0.02)] {
+        let simulation = pair(damping, 0.2, 0.1 / (frequency * frequency), frequency, 1.1, 0.0);
+        let orbit = &found(&simulation, Search::default()).orbits[0];
+        let (period, root) = (std::f64::consts::TAU / frequency, f64::sqrt(damping * damping - 1.0));
+        for (multiplier, rate) in orbit.multipliers.iter().zip([root - damping, -root - damping]) {
+            // A multiplier below the least number is zero.
+            let exact = rate * period;
+            let is_right = if exact < -745.0 {
+                multiplier.norm() == 0.0
+            } else {
+                (libm::log(multiplier.re) - exact).abs() < 1e-9 * exact.abs()
+            };
+            assert!(is_right, "{damping} {frequency}: {multiplier} and not exp({exact})");
+        }
+    }
+}
