@@ -113,7 +113,7 @@ impl<'a> Ensemble<'a> {
             let state = start(i)?;
             let engine = match engine {
                 Some(engine) => {
-                    engine.restart(self.simulation.integrator()?, state);
+                    engine.restart(state);
                     engine
                 }
                 None => engine.insert(self.simulation.limited(state, self.simulation.settings.event_budget)?.0),

@@ -67,15 +67,15 @@ impl<'s> Engine<'s> {
         Self { integrator, point, motions: BTreeMap::new(), kept: 0, leaps: Leaps::default(), lane, end, core }
     }
 
-    /// Begins another run at `state` with a fresh `integrator`: as a new engine, but periodic systems keep the motions of visited modes.
-    pub fn restart(&mut self, integrator: Box<dyn Integrator + 's>, state: State) {
+    /// Begins another run at `state`: as a new engine, but periodic systems keep the motions of visited modes.
+    pub fn restart(&mut self, state: State) {
         if self.core.system.clock().period().is_none() {
             // Without a period, the length of a mode's first arc takes part in the choice of its integrator.
             self.motions.clear();
             self.kept = 0;
         }
         self.motions.values_mut().for_each(|met| met.arcs = 0);
-        self.integrator = integrator;
+        self.integrator.restart();
         self.core = Core::new(self.core.system, self.core.options, &state);
         self.point = WideState::new(state);
     }
@@ -104,7 +104,7 @@ impl<'s> Engine<'s> {
     /// [`EngineError`]; the state is then that at the start of the last arc.
     pub fn run(&mut self, end: Instant, observer: &mut dyn Observer) -> Result<Outcome, EngineError> {
         let clock = *self.core.system.clock();
-        let span = clock.between(self.state().at, end);
+        let start = self.state().at;
         self.core.iteration.is_silent = !observer.wants_events();
         let (mut last, mut still) = (None, 0);
         while self.state().at < end {
@@ -158,8 +158,9 @@ impl<'s> Engine<'s> {
         }
         self.core.alarm.finish(self.core.system, self.point.state.at, &self.point.state.x)?;
         // An instant exactly at the end is still open. The instant and all its jumps belong to this run.
-        while self.core.iteration.is_open() && span > 0.0 {
-            match self.arc(clock.advance(self.state().at, span), Arrival::Record, observer)? {
+        while self.core.iteration.is_open() && start < end {
+            let bound = clock.advance(self.state().at, clock.between(start, end));
+            match self.arc(bound, Arrival::Record, observer)? {
                 ArcEnd::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
                 ArcEnd::Stop(outcome) => return Ok(outcome),
                 ArcEnd::Again => {}

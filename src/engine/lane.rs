@@ -31,8 +31,8 @@ struct Host<'a, 's> {
     alarm: &'a mut Alarm,
     options: &'a Options,
     observer: &'a mut dyn Observer,
-    /// Longest possible duration of an arc, s.
-    longest: f64,
+    /// Start and end of the longest possible arc.
+    longest: [Instant; 2],
     ended: Option<(GuardSet, Accumulation)>,
     /// True if the observer stops the run.
     stops: bool,
@@ -46,7 +46,8 @@ impl LaneHost for Host<'_, '_> {
     }
 
     fn is_exact(&mut self, mode: &Mode) -> bool {
-        self.integrator.is_exact(self.system, mode, self.longest)
+        let [start, end] = self.longest;
+        self.integrator.is_exact(self.system, mode, self.system.clock().between(start, end))
     }
 
     fn count(&mut self, mode: &Mode, arcs: u64) -> u64 {
@@ -108,7 +109,6 @@ pub(super) fn go_on<'s>(
     {
         return None;
     }
-    let longest = system.clock().between(point.state.at, bound);
     let (events, mut steps) = (options.max_events - before, options.max_steps - counters.steps);
     if records_suffice {
         steps = steps.min(RECORDED);
@@ -126,7 +126,7 @@ pub(super) fn go_on<'s>(
         alarm,
         options,
         observer: watcher,
-        longest,
+        longest: [point.state.at, bound],
         ended: None,
         stops: false,
     };

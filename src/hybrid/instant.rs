@@ -202,7 +202,7 @@ impl Clock {
 
     #[inline]
     fn normalised(&self, at: Instant) -> Instant {
-        if self.is_normal(at.phase) { at } else { self.carried(at) }
+        if self.is_normal(at.phase) || at.phase == Wide::default() { at } else { self.carried(at) }
     }
 
     /// Returns whether a phase is in [0, T) and clear of both ends, the usual case.

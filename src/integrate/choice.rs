@@ -144,6 +144,11 @@ impl Integrator for PerMode {
         "auto"
     }
 
+    fn restart(&mut self) {
+        self.usual.restart();
+        self.picks.clear();
+    }
+
     fn is_exact(&mut self, system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
         !self.pick(system, mode, arc) && self.usual.is_exact(system, mode, arc)
     }

@@ -206,6 +206,8 @@ pub trait Integrator {
     fn is_exact(&mut self, system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
         false
     }
+    /// Begins another run: drops the choices of the run before.
+    fn restart(&mut self) {}
     /// Returns the integrator of each mode so far, if it is chosen for each mode; otherwise empty.
     fn chosen(&self) -> Vec<(Mode, &'static str)> {
         Vec::new()

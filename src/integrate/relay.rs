@@ -121,6 +121,10 @@ impl Integrator for Relay {
         true
     }
 
+    fn restart(&mut self) {
+        self.relieved.clear();
+    }
+
     fn chosen(&self) -> Vec<(Mode, &'static str)> {
         self.relieved.iter().map(|mode| (mode.clone(), "taylor and radau")).collect()
     }

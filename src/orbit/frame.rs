@@ -2,6 +2,8 @@
 
 use std::ops::ControlFlow;
 
+use smallvec::{SmallVec, smallvec};
+
 use super::{Drift, Tangent};
 use crate::{
     engine::{JumpRecord, Observer, State},
@@ -26,7 +28,7 @@ pub(crate) struct Frame<'s> {
     /// Scale of velocities.
     scale: f64,
     /// Sum `Σ ln R_ii` since the last call of `take`.
-    logs: Vec<f64>,
+    logs: SmallVec<[f64; 4]>,
     /// Columns whose rank has been lost since the last call of `has_lost`.
     pub lost: Vec<bool>,
     /// Columns that are zero at present, as contacts rest.
@@ -98,7 +100,7 @@ impl<'s> Frame<'s> {
             momenta: momenta.collect(),
             n,
             scale,
-            logs: vec![0.0; count],
+            logs: smallvec![0.0; count],
             lost: vec![false; count],
             zero: vec![false; count],
             turned: 0.0,
@@ -160,7 +162,7 @@ impl<'s> Frame<'s> {
         for ((momentum, weight), (direction, is_free)) in
             momenta.iter().zip(drift.directions.iter().zip(&drift.is_free))
         {
-            for first in if *is_free { vec![0, n] } else { vec![0] } {
+            for first in [0, n].into_iter().take(1 + usize::from(*is_free)) {
                 for l in 0..m {
                     let share: f64 = (0..n).map(|i| momentum[i] * values[(first + i) * m + l]).sum::<f64>() / *weight;
                     (0..n).for_each(|i| values[(first + i) * m + l] -= share * direction[i]);
@@ -171,7 +173,7 @@ impl<'s> Frame<'s> {
         // the other, velocities in units of the scale.
         let rows = values.len() / m;
         let unit = |i: usize| if i < n || i >= 2 * n { 1.0 } else { *scale };
-        let mut vectors: Vec<Vec<f64>> =
+        let mut vectors: SmallVec<[SmallVec<[f64; 4]>; 1]> =
             (0..m).map(|l| (0..rows).map(|i| values[i * m + l] / unit(i)).collect()).collect();
         let norm = |vector: &[f64]| vector[..2 * n].iter().map(|c| c * c).sum::<f64>().sqrt();
         // Columns had length one before contacts at rest shortened them.
@@ -240,10 +242,10 @@ impl<'s> Frame<'s> {
     }
 
     /// Returns the logarithms since the last call.
-    pub fn take(&mut self) -> Vec<f64> {
+    pub fn take(&mut self) -> SmallVec<[f64; 4]> {
         self.orthonormalise();
         let count = self.logs.len();
-        std::mem::replace(&mut self.logs, vec![0.0; count])
+        std::mem::replace(&mut self.logs, smallvec![0.0; count])
     }
 }
 

@@ -26,8 +26,6 @@ const CLOSED: f64 = 1e-10;
 pub(crate) const SAME: f64 = 1e-6;
 /// Distance of a multiplier from the unit circle that rounding can cause: for a pair of ones, the root of the rounding of 1.
 pub(crate) const MARGINAL: f64 = 1e-8;
-/// Largest multiplier of a derivative near a stable orbit. A run that approaches one comes to where it is less.
-const PARTING: f64 = 10.0;
 /// Rounding of a derivative, relative to its largest multiplier, above which its multipliers come from those of its cycles.
 const ROUNDED: f64 = 1e-10;
 /// Ratio of two multipliers below which the smaller one follows from their product.
@@ -211,10 +209,11 @@ impl<'s> SectionMap<'s> {
         self.repeats()?;
         let mut now = Shots::new((self, spare), (sections, cycles), &[], drift)?;
         let (mut best, first) = (now.residual, now.residual);
+        // A run that approaches a stable orbit comes to where its neighbours approach it too.
         let factors = if options.is_stable { now.factors() } else { Vec::new() };
         let is_finite = factors.iter().flat_map(DMatrix::iter).all(|entry| entry.is_finite());
-        if is_finite && eigenvalues(&factors).iter().any(|m| m.norm() > PARTING) {
-            return Err(missed(best, "neighbours part too fast for a stable orbit near the end of the run"));
+        if is_finite && eigenvalues(&factors).iter().any(|m| m.norm() > 1.0) {
+            return Err(missed(best, "neighbours part near the end of the run: no orbit there is stable yet"));
         }
         for step in 0..STEPS {
             if options.task.is_cancelled() {

@@ -218,7 +218,7 @@ impl<'a> SectionMap<'a> {
     ) -> Result<&'e mut Engine<'a>, SimulationError> {
         Ok(match spare {
             Some(engine) => {
-                engine.restart(self.simulation.integrator()?, state);
+                engine.restart(state);
                 engine
             }
             none => none.insert(self.simulation.engine(state)?),
