@@ -57,6 +57,16 @@ impl<const F: usize> Tables<F> {
         }
         table
     };
+    /// `C(n + 1, i + 1)`.
+    const RAISED: Numbers<F> = {
+        let mut table = Self::BINOMIALS;
+        let mut i = 0;
+        while i < 4 * F {
+            table[i / 4][i % 4] /= Self::SHARES[i / 4][i % 4];
+            i += 1;
+        }
+        table
+    };
     /// Index i: the power of `u` from the left end.
     const INDICES: Numbers<F> = {
         let mut table = [[0.0; 4]; F];
@@ -214,30 +224,6 @@ pub(crate) fn restrict<P: Path, const F: usize>(path: P, row: &Row<P, F>, number
     (sums, PARTS[number] * f64::EPSILON * roundings(4 * F) * most)
 }
 
-/// A place in `[0, 1]`, given by its distances from both ends.
-#[derive(Clone, Copy)]
-struct EndDistances {
-    is_left: bool,
-    near: f64,
-    far: f64,
-}
-
-impl EndDistances {
-    /// Returns the place nearest to `t` whose distance from 1 is a double, so that powers do not multiply its rounding. Distances are from
-    /// the left end, or from the right one.
-    #[inline(always)]
-    fn new(t: f64, is_left: bool) -> Self {
-        let rest = 1.0 - t;
-        let t = 1.0 - rest;
-        let (near, far) = if is_left { (t, rest) } else { (rest, t) };
-        Self { is_left, near, far }
-    }
-
-    fn place(&self) -> f64 {
-        if self.is_left { self.near } else { self.far }
-    }
-}
-
 /// Bernstein polynomials of degree n at a place: `B_i(t) = C(n, i) tⁱ (1 − t)ⁿ⁻ⁱ`.
 pub(crate) struct BernsteinBasis<P: Path, const F: usize> {
     /// Values without the common factor `weight`.
@@ -249,7 +235,10 @@ impl<P: Path, const F: usize> BernsteinBasis<P, F> {
     /// Evaluates the Bernstein polynomials at `t`.
     #[inline(always)]
     pub fn new(path: P, t: f64) -> Self {
-        let EndDistances { is_left, near, far } = EndDistances::new(t, t <= 0.5);
+        let is_left = t <= 0.5;
+        // Powers do not multiply the rounding of a distance that is a double.
+        let rest = 1.0 - t;
+        let (near, far) = if is_left { (1.0 - rest, rest) } else { (rest, 1.0 - rest) };
         let u = near / far;
         let (square, fours) = (u * u, Tables::<F>::BINOMIALS);
         let (rising, fourth) = ([1.0, u, square, square * u], path.all(square * square));
@@ -295,71 +284,103 @@ impl<P: Path, const F: usize> BernsteinBasis<P, F> {
 const ITERATIONS: usize = 32;
 
 /// Longest last step, relative to the place x. If `x² p‴` is below a hundred slopes, the remaining error is below a tenth of a unit in the
-/// last place.
+/// last place. The error is of third order: the square of the relative change of the slope times the step must be below rounding.
 const SETTLED: f64 = 1e-6;
 
-/// Returns whether a `step` of Halley's method, with the relative change `share` of the slope, is the last one at `place`. The remaining
-/// error is of third order. The square of the share times the step must be below rounding, and the third derivative negligible.
-#[inline(always)]
-fn is_settled(place: f64, step: f64, share: f64) -> bool {
-    step.abs() <= SETTLED * place && share * share * step.abs() <= 0.25 * f64::EPSILON * place
+/// Function f as a polynomial of `u = t/(1 − t)`, the ratio of the distances from both ends: `f = (1 − t)ᴺ (k + Σ_i c_i uⁱ⁺¹)`, or without
+/// `u` and k for an exact zero at the start. From the right end it is a polynomial of `(1 − t)/t`.
+struct RatioSeries<P: Path, const F: usize> {
+    /// The terms `c_i`, and the same times their exponents and the squares of their exponents.
+    rows: [Row<P, F>; 3],
+    is_left: bool,
+    /// Value at the start; 0 after an exact zero.
+    start: f64,
+    /// Degree N.
+    degree: f64,
 }
 
-/// Sums of a row near one end: `p = farⁿ Σ c_i uⁱ`, `u = near/far`, and the same with the factors i and `i²`.
-struct Sums<P: Path, const F: usize>([Row<P, F>; 3]);
+/// Terms of Halley's method at a ratio u of the distances.
+struct RatioTerms {
+    /// `f`, `u f_u` and `u² f_uu`, over `(1 − t)ᴺ`, or `tᴺ` from the right end.
+    f: [f64; 3],
+    /// `1/(1 + u)`.
+    far: f64,
+}
 
-impl<P: Path, const F: usize> Sums<P, F> {
+impl<P: Path, const F: usize> RatioSeries<P, F> {
     #[inline(always)]
     fn new(path: P, of: &Signed<'_, P, F>, is_left: bool) -> Self {
-        let (row, sign) = (of.row, path.all(of.sign));
-        let (binomials, indices) = (fours(path, &Tables::<F>::BINOMIALS), fours(path, &Tables::<F>::INDICES));
-        let last = path.all(Tables::<F>::LAST as f64);
+        let (row, sign, start) = (of.row, path.all(of.sign), path.all(of.start));
+        let tables = [&Tables::<F>::BINOMIALS, &Tables::<F>::RAISED, &Tables::<F>::INDICES];
+        let [binomials, raised, indices] = tables.map(|table| fours(path, table));
+        let is_whole = of.start != 0.0;
+        let (last, whole) = (path.all(Tables::<F>::LAST as f64), path.all(f64::from(u8::from(is_whole))));
         let mut rows = [[path.all(0.0); F]; 3];
         for i in 0..F {
-            rows[0][i] = path.times(path.times(sign, row[i]), binomials[i]);
-            let index = if is_left { indices[i] } else { path.minus(last, indices[i]) };
-            rows[1][i] = path.times(rows[0][i], index);
-            rows[2][i] = path.times(rows[1][i], index);
+            rows[0][i] = path.fused(start, raised[i], path.times(path.times(sign, row[i]), binomials[i]));
+            let exponent = if is_left { path.plus(indices[i], whole) } else { path.minus(last, indices[i]) };
+            rows[1][i] = path.times(rows[0][i], exponent);
+            rows[2][i] = path.times(rows[1][i], exponent);
         }
-        Self(rows)
+        Self { rows, is_left, start: of.start, degree: (Tables::<F>::LAST + usize::from(is_whole)) as f64 }
     }
 
-    /// Returns the value and the first two derivatives with respect to t.
+    /// Evaluates the terms at the ratio `u` of the near distance to the far one.
     #[inline(always)]
-    fn at(&self, path: P, ends: EndDistances) -> [f64; 3] {
-        let EndDistances { is_left, near, far } = ends;
-        let u = near / far;
-        let (square, n) = (u * u, Tables::<F>::LAST as f64);
-        let fourth = path.all(square * square);
-        let rising = [1.0, u, square, square * u];
-        let low = path.four(if is_left { rising } else { [rising[3], rising[2], u, 1.0] });
+    fn at(&self, path: P, u: f64) -> RatioTerms {
+        let Self { rows, is_left, start, degree } = self;
+        let square = u * u;
+        let quartic = square * square;
+        let (fourth, eighth) = (path.all(quartic), path.all(quartic * quartic));
+        let first = if *is_left && *start != 0.0 { u } else { 1.0 };
+        let rising = [first, first * u, first * square, first * square * u];
+        let low = path.four(if *is_left { rising } else { [rising[3], rising[2], u, 1.0] });
         let mut sums = [0.0; 3];
-        for (total_of, row) in sums.iter_mut().zip(&self.0) {
-            let mut sum = if is_left { row[F - 1] } else { row[0] };
-            for i in 1..F {
-                sum = path.fused(sum, fourth, if is_left { row[F - 1 - i] } else { row[i] });
+        for (sum, row) in sums.iter_mut().zip(rows) {
+            let at = |i: usize| if *is_left { row[i] } else { row[F - 1 - i] };
+            // Pairs first: the chain of products is shorter.
+            let pair = |i: usize| if i + 1 < F { path.fused(at(i + 1), fourth, at(i)) } else { at(i) };
+            let mut all = pair(F - 1 & !1);
+            for i in (0..F - 1 & !1).rev().step_by(2) {
+                all = path.fused(all, eighth, pair(i - 1));
             }
-            *total_of = total(path.numbers(path.times(sum, low)));
+            *sum = total(path.numbers(path.times(all, low)));
+        }
+        if *is_left {
+            sums[0] += start;
+        } else if *start != 0.0 {
+            let mut top = *start;
+            (0..F).for_each(|_| top *= quartic);
+            sums = [sums[0] + top, fused::<P>(*degree, top, sums[1]), fused::<P>(degree * degree, top, sums[2])];
         }
         let [value, first, second] = sums;
-        let power = {
-            let two = far * far;
-            let four = two * two;
-            let eight = four * four;
-            // The power is computed as in `weight`.
-            (eight * eight) * if F == MOST_FOURS { four * (two * far) } else { two * far }
-        };
-        // Derivatives are with respect to log u, whose derivative with respect to the distance is `1/(near far)`.
-        let rate = 1.0 / (near * far);
-        let by_log = first - n * near * value;
-        let twice = second - 2.0 * n * near * first + n * near * (n * near - far) * value;
-        let (by_near, bent) = (by_log * rate, (twice - (far - near) * by_log) * (rate * rate));
-        [power * value, if is_left { power * by_near } else { -power * by_near }, power * bent]
+        let far = 1.0 / (1.0 + u);
+        // Derivative of the logarithm of the factor `(1 + u)⁻ᴺ`.
+        let (share, bent) = (u * far, u * far * degree);
+        let f = [
+            value,
+            fused::<P>(-bent, value, first),
+            fused::<P>(-2.0 * bent, first, second - first) + bent * (bent + share) * value,
+        ];
+        RatioTerms { f, far }
+    }
+
+    /// Returns `(1 − t)ᴺ⁻²`, or `tᴺ⁻²` from the right end, N the degree, from the far distance.
+    #[inline(always)]
+    fn weight(&self, far: f64) -> f64 {
+        let two = far * far;
+        let four = two * two;
+        let eight = four * four;
+        // N is 4F, or 4F − 1 after an exact zero.
+        let rest = if self.start != 0.0 { two } else { far };
+        (eight * eight) * if F == MOST_FOURS { four * rest } else { rest }
     }
 }
 
 /// Returns the zero of `s + t p` on `[0, until]`, a fall by [`Falls`](Pattern::Falls), from a `guess`, with value and slope there (of `p`
 /// if `s` is zero). `None` if Halley's method does not converge.
+///
+/// The method has the same steps in t and in the ratio u of the distances, in which the terms have fewer operations one after the other.
 #[inline(always)]
 pub(crate) fn fall<P: Path, const F: usize>(
     path: P,
@@ -367,27 +388,28 @@ pub(crate) fn fall<P: Path, const F: usize>(
     guess: f64,
     until: f64,
 ) -> Option<(f64, [f64; 2])> {
-    let (start, is_left) = (of.start, guess <= 0.5);
-    let sums = Sums::new(path, of, is_left);
-    let (mut t, mut low, mut high) = (guess, 0.0, until);
+    let is_left = guess <= 0.5;
+    let series = RatioSeries::new(path, of, is_left);
+    let ratio = |t: f64| if is_left { t / (1.0 - t) } else { (1.0 - t) / t };
+    let place = |u: f64| if is_left { 1.0 - 1.0 / (1.0 + u) } else { 1.0 / (1.0 + u) };
+    // Ratios before and after the fall.
+    let (mut u, mut before, mut after) = (ratio(guess), ratio(0.0), ratio(until));
     for _ in 0..ITERATIONS {
-        let ends = EndDistances::new(t, is_left);
-        let at = ends.place();
-        let [mut value, mut slope, mut bent] = sums.at(path, ends);
-        if start != 0.0 {
-            (value, slope, bent) = (fused::<P>(at, value, start), value + at * slope, 2.0 * slope + at * bent);
+        let RatioTerms { f: [value, slope, bent], far } = series.at(path, u);
+        let by = -2.0 * value * slope / (2.0 * slope * slope - value * bent);
+        let next = fused::<P>(u, by, u);
+        // Relative step of t, and the relative change of the slope by t.
+        let step = by * far * if is_left { 1.0 } else { u };
+        let share = by * (bent / slope + 2.0 * u * far);
+        if step.abs() <= SETTLED && share * share * step.abs() <= 0.25 * f64::EPSILON {
+            let weight = series.weight(far);
+            let (t, side) = if is_left { (next / (1.0 + next), weight) } else { (1.0 / (1.0 + next), -weight) };
+            let residual = value + by * (slope + 0.5 * by * bent);
+            return Some((t, [weight * far * far * residual, side * slope / u * (1.0 + share)]));
         }
-        let step = -2.0 * value * slope / (2.0 * slope * slope - value * bent);
-        let next = at + step;
-        if is_settled(at, step, step * bent / slope) {
-            return Some((next, [value + step * (slope + 0.5 * step * bent), slope + step * bent]));
-        }
-        if value > 0.0 {
-            low = at
-        } else {
-            high = at
-        }
-        t = if next > low && next < high { next } else { 0.5 * (low + high) };
+        *(if value > 0.0 { &mut before } else { &mut after }) = u;
+        let is_between = next > before.min(after) && next < before.max(after);
+        u = if is_between { next } else { ratio(0.5 * (place(before) + place(after))) };
     }
     None
 }

@@ -43,11 +43,11 @@ fn the_pair_grazes_where_its_closed_form_says() {
             else {
                 panic!("{frequency}, {loss:?}");
             };
-            assert!((value - exact).abs() <= 4e-15 * exact, "{frequency}, {loss:?}: {value:?} for {exact:?}");
-            // 64 ε of the deflection, which is the half backlash 1 and the amplitude, over a slope of 1 or nearly so.
-            let rounding = 64.0 * f64::EPSILON * (1.0 + 2.0 * exact);
+            // ε of the deflection, which is the half backlash 1 and the amplitude, over a slope of 1 or nearly so.
+            let rounding = f64::EPSILON * (1.0 + 2.0 * exact);
+            assert!((value - exact).abs() <= rounding, "{frequency}, {loss:?}: {value:?} for {exact:?}");
             assert!(
-                (value - exact).abs() <= uncertainty && uncertainty <= 1.1 * rounding,
+                (value - exact).abs() <= uncertainty && uncertainty <= 1.1 * 64.0 * rounding,
                 "{uncertainty:e}, {rounding:e}"
             );
         }

@@ -32,7 +32,7 @@ fn unstable_orbits_of_long_periods_are_found_with_both_multipliers() {
     let map = SectionMap::new(&pair).unwrap();
     let all = trail(&pair, &map, 200, 1500);
     let mut found = Vec::new();
-    for period in [20, 30, 40] {
+    for period in (20..=40).step_by(2) {
         // Where the motion comes back nearest.
         let best = (0..all.len() - period).min_by(|a, b| {
             let closes = |i: usize| off(&all[i], &all[i + period]);
@@ -68,7 +68,8 @@ fn unstable_orbits_of_long_periods_are_found_with_both_multipliers() {
         }
         found.push(large);
     }
-    assert!(found.len() >= 2 && found.iter().any(|large| *large > 1e3), "{found:?}");
+    // A return that is not near enough leads to no orbit.
+    assert!(found.len() >= 6 && found.iter().any(|large| *large > 1e3), "{found:?}");
 }
 
 /// What is known of an orbit that multiple shooting has found is what its period as a whole tells.
