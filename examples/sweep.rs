@@ -5,7 +5,7 @@
 //! ```text
 //! cargo run --release --example sweep
 //!
-//! 10 N m: period None, apart 0.749848, largest force 2008.697 N
+//! 10 N m: period None, apart 0.764570, largest force 2205.416 N
 //! 20 N m: period Some(1), apart 0.285199, largest force 946.050 N
 //! 30 N m: period Some(1), apart 0.000000, largest force 916.335 N
 //! 40 N m: period Some(1), apart 0.000000, largest force 1178.058 N

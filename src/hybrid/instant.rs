@@ -202,13 +202,13 @@ impl Clock {
 
     #[inline]
     fn normalised(&self, at: Instant) -> Instant {
-        if self.is_normal(at.phase) || at.phase == Wide::default() { at } else { self.carried(at) }
+        if self.is_normal(at.phase) { at } else { self.carried(at) }
     }
 
-    /// Returns whether a phase is in [0, T) and clear of both ends, the usual case.
+    /// Returns whether a phase is in [0, T) and clear of both ends, or exactly zero, the usual cases.
     #[inline]
     fn is_normal(&self, phase: Wide) -> bool {
-        phase.hi > 0.0 && phase.hi < self.period.hi * (1.0 - f64::EPSILON)
+        phase.hi > 0.0 && phase.hi < self.period.hi * (1.0 - f64::EPSILON) || phase == Wide::default()
     }
 
     /// Moves a phase outside [0, T), or at its ends, into the range.

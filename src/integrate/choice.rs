@@ -146,6 +146,7 @@ impl Integrator for PerMode {
 
     fn restart(&mut self) {
         self.usual.restart();
+        self.stiff.restart();
         self.picks.clear();
     }
 

@@ -26,6 +26,9 @@ const CLOSED: f64 = 1e-10;
 pub(crate) const SAME: f64 = 1e-6;
 /// Distance of a multiplier from the unit circle that rounding can cause: for a pair of ones, the root of the rounding of 1.
 pub(crate) const MARGINAL: f64 = 1e-8;
+/// Largest multiplier of a derivative near a stable orbit. On the orbit it is below one; where it differs by more than one from that,
+/// Newton's method has no reason to converge, and a run that approaches the orbit comes nearer.
+const PARTING: f64 = 2.0;
 /// Rounding of a derivative, relative to its largest multiplier, above which its multipliers come from those of its cycles.
 const ROUNDED: f64 = 1e-10;
 /// Ratio of two multipliers below which the smaller one follows from their product.
@@ -209,11 +212,10 @@ impl<'s> SectionMap<'s> {
         self.repeats()?;
         let mut now = Shots::new((self, spare), (sections, cycles), &[], drift)?;
         let (mut best, first) = (now.residual, now.residual);
-        // A run that approaches a stable orbit comes to where its neighbours approach it too.
         let factors = if options.is_stable { now.factors() } else { Vec::new() };
         let is_finite = factors.iter().flat_map(DMatrix::iter).all(|entry| entry.is_finite());
-        if is_finite && eigenvalues(&factors).iter().any(|m| m.norm() > 1.0) {
-            return Err(missed(best, "neighbours part near the end of the run: no orbit there is stable yet"));
+        if is_finite && eigenvalues(&factors).iter().any(|m| m.norm() > PARTING) {
+            return Err(missed(best, "neighbours part too fast for a stable orbit near the end of the run"));
         }
         for step in 0..STEPS {
             if options.task.is_cancelled() {

@@ -59,10 +59,11 @@ impl<const F: usize> Tables<F> {
     };
     /// `C(n + 1, i + 1)`.
     const RAISED: Numbers<F> = {
-        let mut table = Self::BINOMIALS;
-        let mut i = 0;
+        let (mut table, mut i, mut binomial) = ([[0.0; 4]; F], 0, 1.0);
         while i < 4 * F {
-            table[i / 4][i % 4] /= Self::SHARES[i / 4][i % 4];
+            // A whole number: product and quotient are exact.
+            binomial = binomial * (4 * F - i) as f64 / (i + 1) as f64;
+            table[i / 4][i % 4] = binomial;
             i += 1;
         }
         table
@@ -287,13 +288,15 @@ const ITERATIONS: usize = 32;
 /// last place. The error is of third order: the square of the relative change of the slope times the step must be below rounding.
 const SETTLED: f64 = 1e-6;
 
-/// Function f as a polynomial of `u = t/(1 − t)`, the ratio of the distances from both ends: `f = (1 − t)ᴺ (k + Σ_i c_i uⁱ⁺¹)`, or without
-/// `u` and k for an exact zero at the start. From the right end it is a polynomial of `(1 − t)/t`.
-struct RatioSeries<P: Path, const F: usize> {
+/// Function f in scaled Bernstein form, by the ratio u of the distances from both ends (Farouki and Rajan 1988).
+///
+/// From the left end u is `t/(1 − t)`, and `f = (1 − t)ᴺ (s + Σ_i c_i uⁱ⁺¹)`. After an exact zero `p = (1 − t)ᴺ Σ_i c_i uⁱ`. From the right
+/// end u is `(1 − t)/t`, and powers count down.
+struct ScaledBernstein<P: Path, const F: usize> {
     /// The terms `c_i`, and the same times their exponents and the squares of their exponents.
     rows: [Row<P, F>; 3],
     is_left: bool,
-    /// Value at the start; 0 after an exact zero.
+    /// The start s; 0 after an exact zero.
     start: f64,
     /// Degree N.
     degree: f64,
@@ -307,7 +310,7 @@ struct RatioTerms {
     far: f64,
 }
 
-impl<P: Path, const F: usize> RatioSeries<P, F> {
+impl<P: Path, const F: usize> ScaledBernstein<P, F> {
     #[inline(always)]
     fn new(path: P, of: &Signed<'_, P, F>, is_left: bool) -> Self {
         let (row, sign, start) = (of.row, path.all(of.sign), path.all(of.start));
@@ -355,12 +358,12 @@ impl<P: Path, const F: usize> RatioSeries<P, F> {
         }
         let [value, first, second] = sums;
         let far = 1.0 / (1.0 + u);
-        // Derivative of the logarithm of the factor `(1 + u)⁻ᴺ`.
-        let (share, bent) = (u * far, u * far * degree);
+        // Minus the derivative of the logarithm of `(1 + u)⁻ᴺ` by log u.
+        let (near, decay) = (u * far, u * far * degree);
         let f = [
             value,
-            fused::<P>(-bent, value, first),
-            fused::<P>(-2.0 * bent, first, second - first) + bent * (bent + share) * value,
+            fused::<P>(-decay, value, first),
+            fused::<P>(-2.0 * decay, first, second - first) + decay * (decay + near) * value,
         ];
         RatioTerms { f, far }
     }
@@ -377,10 +380,14 @@ impl<P: Path, const F: usize> RatioSeries<P, F> {
     }
 }
 
+/// Largest ratio of the distances, far beyond a rough guess: squares of its powers remain in the range of numbers.
+const FARTHEST: f64 = 1e5;
+
 /// Returns the zero of `s + t p` on `[0, until]`, a fall by [`Falls`](Pattern::Falls), from a `guess`, with value and slope there (of `p`
 /// if `s` is zero). `None` if Halley's method does not converge.
 ///
-/// The method has the same steps in t and in the ratio u of the distances, in which the terms have fewer operations one after the other.
+/// Halley's step leads to the zero of a fractional linear function: it is the same in t and in the ratio u. Terms in u have shorter chains
+/// of operations.
 #[inline(always)]
 pub(crate) fn fall<P: Path, const F: usize>(
     path: P,
@@ -389,23 +396,23 @@ pub(crate) fn fall<P: Path, const F: usize>(
     until: f64,
 ) -> Option<(f64, [f64; 2])> {
     let is_left = guess <= 0.5;
-    let series = RatioSeries::new(path, of, is_left);
-    let ratio = |t: f64| if is_left { t / (1.0 - t) } else { (1.0 - t) / t };
-    let place = |u: f64| if is_left { 1.0 - 1.0 / (1.0 + u) } else { 1.0 / (1.0 + u) };
+    let series = ScaledBernstein::new(path, of, is_left);
+    let ratio = |t: f64| (if is_left { t / (1.0 - t) } else { (1.0 - t) / t }).min(FARTHEST);
+    let place = |u: f64| if is_left { u / (1.0 + u) } else { 1.0 / (1.0 + u) };
     // Ratios before and after the fall.
     let (mut u, mut before, mut after) = (ratio(guess), ratio(0.0), ratio(until));
     for _ in 0..ITERATIONS {
         let RatioTerms { f: [value, slope, bent], far } = series.at(path, u);
         let by = -2.0 * value * slope / (2.0 * slope * slope - value * bent);
         let next = fused::<P>(u, by, u);
-        // Relative step of t, and the relative change of the slope by t.
-        let step = by * far * if is_left { 1.0 } else { u };
+        // Step relative to t or to the distance of t from 1, the smaller one, and the relative change of the slope by t.
+        let step = by * far * if is_left { u.max(1.0) } else { u };
         let share = by * (bent / slope + 2.0 * u * far);
         if step.abs() <= SETTLED && share * share * step.abs() <= 0.25 * f64::EPSILON {
             let weight = series.weight(far);
-            let (t, side) = if is_left { (next / (1.0 + next), weight) } else { (1.0 / (1.0 + next), -weight) };
+            let side = if is_left { weight } else { -weight };
             let residual = value + by * (slope + 0.5 * by * bent);
-            return Some((t, [weight * far * far * residual, side * slope / u * (1.0 + share)]));
+            return Some((place(next), [weight * far * far * residual, side * slope / u * (1.0 + share)]));
         }
         *(if value > 0.0 { &mut before } else { &mut after }) = u;
         let is_between = next > before.min(after) && next < before.max(after);
@@ -464,6 +471,71 @@ mod tests {
                     assert!(off <= rounding, "{F} {number} {i}: {off:e} of {rounding:e}");
                 }
             }
+        }
+    }
+
+    /// Fall of `s + t p` near a guess.
+    struct Fallen<const F: usize>(f64, Numbers<F>, f64);
+
+    impl<const F: usize> Work for Fallen<F> {
+        type Output = (f64, [f64; 2]);
+
+        fn on<P: Path>(self, path: P) -> Self::Output {
+            let Self(start, row, guess) = self;
+            let of = Signed { start, sign: -1.0, row: &fours(path, &row) };
+            fall(path, &of, guess, 1.0).expect("a fall")
+        }
+    }
+
+    /// Returns value and slope of `Σ b_i B_i(t)` by the scheme of de Casteljau.
+    fn at(b: &[f64], t: f64) -> [Wide; 2] {
+        let mut b: Vec<Wide> = b.iter().map(|b| (*b).into()).collect();
+        let degree = (b.len() - 1) as f64;
+        while b.len() > 2 {
+            b = b.windows(2).map(|pair| pair[0] + (pair[1] - pair[0]) * t).collect();
+        }
+        [b[0] + (b[1] - b[0]) * t, (b[1] - b[0]) * degree]
+    }
+
+    /// Coefficients that fall once, near each place of the interval, with a rough guess.
+    fn falls_are_zeros<const F: usize>(is_whole: bool) {
+        let count = 4 * F + usize::from(is_whole);
+        for number in 0..400 {
+            let (place, wave) =
+                ((f64::from(number) + 0.5) / 400.0, |i: usize| 0.3 * libm::sin((number + 3 * i as i32).into()));
+            let falls = |i: usize| place - i as f64 / (count - 1) as f64;
+            let b: Vec<f64> = (0..count).map(|i| falls(i) * (1.0 + wave(i))).collect();
+            // The function is `s + t p`, here with the sign of p turned.
+            let row: Numbers<F> = std::array::from_fn(|i| {
+                std::array::from_fn(|l| {
+                    let i = 4 * i + l;
+                    let whole = (b[0] - b[(i + 1).min(count - 1)]) * (count - 1) as f64 / (i + 1) as f64;
+                    if is_whole { whole } else { -b[i] }
+                })
+            });
+            let start = if is_whole { b[0] } else { 0.0 };
+            let near = [place, 0.5 + 0.9 * (place - 0.5)];
+            // Any guess leads to a fall that is not at the other end.
+            let guesses = near.into_iter().chain([0.0, 0.5, 1.0].into_iter().filter(|_| number > 1));
+            for guess in guesses {
+                let work = || Fallen(start, row, guess);
+                for (t, [value, slope]) in [Baseline.run(work()), Instructions::best().run(work())] {
+                    let [exact, rate] = at(&b, t).map(|of| of.value());
+                    // One rounding for each coefficient at most, all below 1.3, and one of the place.
+                    let most = 1.3 * count as f64 * f64::EPSILON;
+                    assert!(exact.abs() <= most && value.abs() <= most, "{F} {place}: {exact:e} {value:e}");
+                    // The slope is extrapolated over the last step, of 1e-6 at most: by the square of the degree times that.
+                    assert!((slope - rate).abs() <= 1e-9 * rate.abs(), "{F} {place}: {slope} {rate}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn falls_are_zeros_with_their_slopes() {
+        for is_whole in [false, true] {
+            falls_are_zeros::<5>(is_whole);
+            falls_are_zeros::<MOST_FOURS>(is_whole);
         }
     }
 

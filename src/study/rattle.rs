@@ -219,27 +219,23 @@ impl RattleSearch<'_> {
                 }
             }
         }
-        let Some(lost) = lost else { return Ok(Rattle::Never) };
-        match before {
-            Some(before) => self.root(before, above, lost, task),
-            None => {
-                let middle = 0.5 * (above.value + lost);
-                match self.at(middle, Some(&above.seed), task)? {
-                    Some(kept) => self.root(above, kept, lost, task),
-                    // Two motions are needed for a root: from the next value on.
-                    None => match self.at(0.5 * (above.value + middle), Some(&above.seed), task)? {
-                        Some(kept) => self.root(above, kept, middle, task),
-                        None => Ok(Rattle::Bracket {
-                            with: 0.5 * (above.value + middle),
-                            without: above.value,
-                            margin: above.margin,
-                            contact: above.contact,
-                            motion: above.motion,
-                        }),
-                    },
-                }
+        let Some(mut lost) = lost else { return Ok(Rattle::Never) };
+        if let Some(before) = before {
+            return self.root(before, above, lost, task);
+        }
+        // A root needs two motions: the second one may lie anywhere between.
+        for _ in 0..ROUNDS {
+            let middle = 0.5 * (above.value + lost);
+            match self.at(middle, Some(&above.seed), task)? {
+                Some(kept) => return self.root(above, kept, lost, task),
+                None => lost = middle,
+            }
+            if (above.value - lost).abs() <= ACCURACY * above.value.abs() {
+                break;
             }
         }
+        let QuietMotion { value, margin, contact, motion, .. } = above;
+        Ok(Rattle::Bracket { with: lost, without: value, margin, contact, motion })
     }
 
     /// Returns whether a second motion, with the event, follows from the scene's start a thousandth of the range above the threshold.

@@ -372,10 +372,7 @@ impl HybridSystem for Structure {
     }
 
     fn next_switch(&self, mode: &Mode, at: Instant) -> Option<Instant> {
-        let end = |j: usize| {
-            let schedule = self.followed(mode, j)?;
-            schedule.end(&self.clock, schedule::late(&self.clock, at), piece(mode, j))
-        };
+        let end = |j: usize| self.followed(mode, j)?.end(&self.clock, schedule::late(&self.clock, at), piece(mode, j));
         let ends = (0..self.contacts.len()).filter_map(end);
         ends.reduce(|first, end| if end < first { end } else { first })
     }

@@ -43,7 +43,8 @@ fn the_pair_grazes_where_its_closed_form_says() {
             else {
                 panic!("{frequency}, {loss:?}");
             };
-            // ε of the deflection, which is the half backlash 1 and the amplitude, over a slope of 1 or nearly so.
+            // ε of the deflection, which is the half backlash 1 and the amplitude, over a slope of 1 or nearly so. The program states 64 ε;
+            // one is measured.
             let rounding = f64::EPSILON * (1.0 + 2.0 * exact);
             assert!((value - exact).abs() <= rounding, "{frequency}, {loss:?}: {value:?} for {exact:?}");
             assert!(
@@ -51,6 +52,18 @@ fn the_pair_grazes_where_its_closed_form_says() {
                 "{uncertainty:e}, {rounding:e}"
             );
         }
+    }
+}
+
+/// Just above the threshold only the last load of the range keeps contact.
+#[test]
+fn a_graze_just_below_the_range_is_found() {
+    let (zeta, w): (f64, f64) = (0.05, 0.6);
+    let exact = 0.2 * w * w / ((1.0 - w * w).powi(2) + (2.0 * zeta * w).powi(2)).sqrt();
+    for high in [1.01, 1.0001, 1.000_001] {
+        let found = threshold(&pair(true, w), [5e-4, high * exact], Loss::Deflection);
+        let Rattle::Graze { value, uncertainty, .. } = found else { panic!("{high}: {found:?}") };
+        assert!((value - exact).abs() <= uncertainty && uncertainty <= 1e-13, "{high}: {value} {uncertainty:e}");
     }
 }
 

@@ -215,7 +215,7 @@ fn chatter_ends_in_rest_and_flights_of_any_length_are_kept() {
     assert!(report.sticks >= 6, "{report:?}");
     assert!(report.apart_fraction > 0.0 && report.apart_fraction < 1.0);
     assert!(report.durations.min.unwrap() < 1e-10, "{report:?}");
-    // Resting forces are the table's: m (g + z̈), at most 9.81 + 0.3 · 6.5², here to four roundings.
+    // Resting forces are the table's: m (g + z̈), at most 9.81 + 0.3 · 6.5², with two roundings of each product and sum.
     let largest = (9.81 + 0.3 * 6.5 * 6.5) * (1.0 + 4.0 * f64::EPSILON);
     assert!(report.force_abs_max > 0.0 && report.force_abs_max <= largest);
     // Momentum: what the table gave is the weight over the time and the change of speed.

