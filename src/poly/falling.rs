@@ -343,8 +343,9 @@ impl<P: Path, const F: usize> ScaledBernstein<P, F> {
             let at = |i: usize| if *is_left { row[i] } else { row[F - 1 - i] };
             // Pairs first: the chain of products is shorter.
             let pair = |i: usize| if i + 1 < F { path.fused(at(i + 1), fourth, at(i)) } else { at(i) };
-            let mut all = pair(F - 1 & !1);
-            for i in (0..F - 1 & !1).rev().step_by(2) {
+            let last = (F - 1) / 2 * 2;
+            let mut all = pair(last);
+            for i in (0..last).rev().step_by(2) {
                 all = path.fused(all, eighth, pair(i - 1));
             }
             *sum = total(path.numbers(path.times(all, low)));
