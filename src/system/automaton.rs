@@ -1,5 +1,7 @@
 //! The train as a hybrid automaton: successor modes and resets of its guards.
 
+use std::cell::LazyCell;
+
 use smallvec::SmallVec;
 
 use super::{
@@ -372,8 +374,9 @@ impl HybridSystem for Structure {
     }
 
     fn next_switch(&self, mode: &Mode, at: Instant) -> Option<Instant> {
-        let end = |j: usize| self.followed(mode, j)?.end(&self.clock, schedule::late(&self.clock, at), piece(mode, j));
-        let ends = (0..self.contacts.len()).filter_map(end);
+        let late = LazyCell::new(|| schedule::late(&self.clock, at));
+        let ends =
+            (0..self.contacts.len()).filter_map(|j| self.followed(mode, j)?.end(&self.clock, *late, piece(mode, j)));
         ends.reduce(|first, end| if end < first { end } else { first })
     }
 
