@@ -26,8 +26,8 @@ const CLOSED: f64 = 1e-10;
 pub(crate) const SAME: f64 = 1e-6;
 /// Distance of a multiplier from the unit circle that rounding can cause: for a pair of ones, the root of the rounding of 1.
 pub(crate) const MARGINAL: f64 = 1e-8;
-/// Largest multiplier of a derivative near a stable orbit. On the orbit it is below one; where it differs by more than one from that,
-/// Newton's method has no reason to converge, and a run that approaches the orbit comes nearer.
+/// Largest multiplier of a derivative from which a stable orbit is searched for. On the orbit it is below one, and a run that approaches
+/// the orbit comes to where it is. Measured on maps of a pair: with one as the limit some orbits of slow decay are not found.
 const PARTING: f64 = 2.0;
 /// Rounding of a derivative, relative to its largest multiplier, above which its multipliers come from those of its cycles.
 const ROUNDED: f64 = 1e-10;
